@@ -13,7 +13,8 @@ from PIL import Image
 from two_link import TwoLink, circle_states
 
 from bellcrank.cli import main
-from bellcrank.commands.size import parse_payload, parse_share
+from bellcrank.commands.options import parse_payload
+from bellcrank.commands.size import parse_share
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
 from bellcrank.motion.motion import Motion

@@ -372,3 +372,21 @@ def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> 
             for h in (0.04, 0.02)
         )
         assert cost.derivative == pytest.approx((4.0 * narrow - wide) / 3.0, abs=3e-3)
+
+
+def test_a_linkage_that_turns_around_stops_there_and_keeps_its_limits() -> None:
+    found = bc.time_optimal("five_bar", "pick", costs=False)
+    assert found.excess <= 1e-5
+    assert any("3 parts" in warning for warning in found.warnings)
+    speed = np.abs(found.motion.velocity).max(axis=1)
+    rest = np.flatnonzero(speed <= 1e-9 * speed.max())
+    assert len(np.unique(found.motion.time[rest].round(9))) == 4  # begin, end, and twice where it turns around
+
+
+def test_a_linkage_with_a_floating_platform_moves_along_its_path() -> None:
+    linkage = bc.Linkage(bc.load_scene("planar_delta"))
+    motion = linkage.motion("pick")
+    found = bc.time_optimal("planar_delta", "pick", grid=60, costs=False)
+    assert found.motion.nq == motion.nq
+    assert found.duration < motion.duration
+    assert found.motion.position[-1] == pytest.approx(motion.position[-1], abs=1e-6)

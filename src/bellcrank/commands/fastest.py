@@ -6,9 +6,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import add_set, add_trust, config_with_changes, number_option, whole_option
+from bellcrank.commands.options import (
+    add_output_folder,
+    add_robot_and_motions,
+    add_set,
+    add_trust,
+    config_with_changes,
+    number_option,
+    parse_payload,
+    whole_option,
+)
 from bellcrank.commands.output_files import list_on_failure
-from bellcrank.commands.size import parse_payload
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -35,22 +43,10 @@ TOOL_UNITS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot, its motions and limits, and where to write."""
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
+    add_robot_and_motions(
+        parser,
+        "a motion of the configuration or a CSV file, whose path counts; may be repeated (default: all motions)",
     )
-    parser.add_argument(
-        "--motion",
-        action="append",
-        default=[],
-        metavar="FILE|NAME",
-        help="a motion of the configuration or a CSV file, whose path counts; may be repeated (default: all motions)",
-    )
-    parser.add_argument(
-        "--payload", action="append", default=[], metavar="MASS@FRAME",
-        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
-    )  # fmt: skip
     for key, unit in UNITS.items():
         default = "the URDF's" if key in ("speed", "torque") else "none"
         parser.add_argument(
@@ -83,10 +79,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_set(parser, "payloads.1.mass='5 kg'")
     add_trust(parser)
+    add_output_folder(parser, "ROBOT_fastest")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default: ROBOT_fastest in the current folder)"
-    )
-    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+        "--html", action="store_true",
+        help="write a replay page of each fastest motion, which shows the active limit at each time",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -143,6 +140,10 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     files.append(found.to_json(folder / f"fastest_{stem}.json"))
     if not arguments.no_plots:
         files.append(found.plot(folder / f"fastest_{stem}.png"))
+    if arguments.html:
+        from bellcrank.replays.replay import film_of, write_page
+
+        files.append(write_page(film_of(found), folder / f"fastest_{stem}.html"))
     if arguments.repeat is not None:
         _repeated(arguments, (config, found.motion, payloads, stem), folder, files)
 

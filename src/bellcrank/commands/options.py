@@ -5,14 +5,54 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from bellcrank.commands.output_files import output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value
 
 if TYPE_CHECKING:
+    from bellcrank.robot.payload import Payload
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
+
+
+def add_robot_and_motions(parser: argparse.ArgumentParser, motion: str) -> None:
+    """ROBOT, --motion, with its help, and --payload."""
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
+    )
+    parser.add_argument("--motion", action="append", default=[], metavar="FILE|NAME", help=motion)
+    parser.add_argument(
+        "--payload",
+        action="append",
+        default=[],
+        metavar="MASS@FRAME",
+        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    )
+
+
+def parse_payload(text: str) -> Payload:
+    """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
+    from bellcrank.robot.payload import Payload
+
+    mass, at, frame = text.partition("@")
+    if not at or not frame.strip():
+        raise InputError(f"--payload {format_value(text)}: expected MASS@FRAME, such as 2.5@tool0")
+    try:
+        return Payload(parse_number(mass, "kg"), frame.strip())
+    except (ValueError, InputError) as error:
+        raise InputError(f"--payload {format_value(text)}: {error}") from None
+
+
+def add_output_folder(parser: argparse.ArgumentParser, default: str) -> None:
+    """--out and --no-plots."""
+    parser.add_argument(
+        "--out", type=output_path, metavar="DIR", help=f"output folder (default: {default} in the current folder)"
+    )
+    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:

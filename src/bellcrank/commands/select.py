@@ -12,10 +12,10 @@ from bellcrank.commands.options import (
     add_trust,
     config_with_changes,
     number_option,
+    parse_payload,
     whole_option,
 )
 from bellcrank.commands.output_files import list_on_failure, output_path
-from bellcrank.commands.size import parse_payload
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.messages import format_value, unknown_name

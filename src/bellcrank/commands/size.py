@@ -6,13 +6,20 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import add_allow_massless, add_set, add_trust, config_with_changes, number_option
-from bellcrank.commands.output_files import list_on_failure, output_path
-from bellcrank.config.fields import parse_number
+from bellcrank.commands.options import (
+    add_allow_massless,
+    add_output_folder,
+    add_robot_and_motions,
+    add_set,
+    add_trust,
+    config_with_changes,
+    number_option,
+    parse_payload,
+)
+from bellcrank.commands.output_files import list_on_failure
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value
-from bellcrank.robot.payload import Payload
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism
@@ -23,24 +30,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot, its motions and payloads, and where to write."""
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="a robot configuration or URDF: a path, or a name that `bellcrank robots` lists",
-    )
-    parser.add_argument(
-        "--motion",
-        action="append",
-        default=[],
-        metavar="FILE|NAME",
-        help="a CSV file, or a motion of the configuration; may be repeated (default: all motions of ROBOT)",
-    )
-    parser.add_argument(
-        "--payload",
-        action="append",
-        default=[],
-        metavar="MASS@FRAME",
-        help="a point mass fixed to a frame, such as 2.5@tool0 (kg) or '500 g@tool0'; may be repeated",
+    add_robot_and_motions(
+        parser,
+        "a CSV file, or a motion of the configuration; may be repeated (default: all motions of ROBOT)",
     )
     parser.add_argument(
         "--mass-tolerance",
@@ -52,10 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set(parser, "payloads.1.mass='5 kg'")
     add_allow_massless(parser)
     add_trust(parser)
-    parser.add_argument(
-        "--out", type=output_path, metavar="DIR", help="output folder (default: ROBOT_sizing in the current folder)"
-    )
-    parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+    add_output_folder(parser, "ROBOT_sizing")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -111,17 +100,6 @@ def chosen(config: RobotConfig, robot: Robot, names: list[str]) -> tuple[Mechani
 
     deprecated.warn("bellcrank.commands.size.chosen", "bellcrank.sizing.size.mechanism_and_motions")
     return mechanism_and_motions(config, robot, names or None)
-
-
-def parse_payload(text: str) -> Payload:
-    """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
-    mass, at, frame = text.partition("@")
-    if not at or not frame.strip():
-        raise InputError(f"--payload {format_value(text)}: expected MASS@FRAME, such as 2.5@tool0")
-    try:
-        return Payload(parse_number(mass, "kg"), frame.strip())
-    except (ValueError, InputError) as error:
-        raise InputError(f"--payload {format_value(text)}: {error}") from None
 
 
 def parse_share(text: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bellcrank import arguments
-from bellcrank.files.atomic_write import write_text
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.result_files import write_json
 
 By = Literal["pause", "speed"]
 Limit = Literal["rms", "temperature"]
@@ -142,6 +140,4 @@ class RepeatedCycle:
             >>> bc.repeated_cycle("geared_pendulum", fastest.motion).to_json(tempfile.mkdtemp() + "/cycle.json").name
             'cycle.json'
         """
-        target = arguments.path("path", path)
-        write_text(target, json.dumps(self.as_dict(), indent=2, ensure_ascii=False) + "\n")
-        return target
+        return write_json(self.as_dict(), path)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,11 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import guarded
+from bellcrank.planning.result_files import write_json
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.actuator import Actuator
+    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]
@@ -63,6 +65,8 @@ class FastestMotion:
             them; negative where it reaches none.
         refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
         warnings: What was not taken into account, and where optimality is not proved.
+        mechanism: The mechanism, which a replay shows.
+        actuators: Motor and gear by joint.
 
     Example:
         >>> import bellcrank as bc
@@ -84,6 +88,8 @@ class FastestMotion:
     excess: float
     refined: bool
     warnings: tuple[str, ...] = field(default=())
+    mechanism: Mechanism | None = field(default=None, repr=False)
+    actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False)
 
     @property
     def duration(self) -> float:
@@ -161,9 +167,7 @@ class FastestMotion:
             >>> bc.time_optimal("planar_2r", "elbow_up").to_json(tempfile.mkdtemp() + "/fastest.json").name
             'fastest.json'
         """
-        target = arguments.path("path", path)
-        write_text(target, json.dumps(self.as_dict(), indent=2, ensure_ascii=False) + "\n")
-        return target
+        return write_json(self.as_dict(), path)
 
     def limits_to_csv(self, path: str | Path) -> Path:
         """Write the path speed, its largest value and the active limit over the path as CSV, units in the header.
@@ -210,7 +214,7 @@ class FastestMotion:
         """
         from bellcrank.planning.fastest_plot import plot_fastest
 
-        return plot_fastest(self, arguments.path("path", path))
+        return plot_fastest(self, path)
 
 
 def shares(active: Sequence[str], durations: Array) -> dict[str, float]:

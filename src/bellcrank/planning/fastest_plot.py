@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.files import atomic_write
-from bellcrank.plot_style import DPI, colour, dash, literal, new_figure, save_figure
+from bellcrank.planning.result_files import write_figure
+from bellcrank.plot_style import colour, dash, literal, new_figure
 
 if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion
     from bellcrank.planning.speed_scaling import SpeedFactor
 
 
-def plot_fastest(result: FastestMotion, path: Path) -> Path:
+def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     """Write the picture as PNG. Raises InputError where the file cannot be written."""
     figure = new_figure(9.0, 7.0)
     phase, times = figure.subplots(2, 1, height_ratios=(3, 2))
@@ -42,12 +42,10 @@ def plot_fastest(result: FastestMotion, path: Path) -> Path:
     times.set_yticks(range(len(names_costs)), [literal(name) for name in names_costs], fontsize=8)
     times.set_xlabel("active during [% of the time]")
     times.grid(True, axis="x", alpha=0.3)
-    with atomic_write.writing(path) as temporary:
-        save_figure(figure, temporary, "png", dpi=DPI)
-    return path
+    return write_figure(figure, path)
 
 
-def plot_factor(result: SpeedFactor, path: Path) -> Path:
+def plot_factor(result: SpeedFactor, path: str | Path) -> Path:
     """Write the use of each limit over the factor as PNG. Raises InputError where the file cannot be written."""
     figure = new_figure(9.0, 5.0)
     axes = figure.subplots()
@@ -65,6 +63,4 @@ def plot_factor(result: SpeedFactor, path: Path) -> Path:
     axes.set_title(literal(result.table().splitlines()[0]))
     axes.legend(loc="upper left", fontsize=8)
     axes.grid(True, alpha=0.3)
-    with atomic_write.writing(path) as temporary:
-        save_figure(figure, temporary, "png", dpi=DPI)
-    return path
+    return write_figure(figure, path)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.blends import blended, straight
+from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.motion import AT_REST
-from bellcrank.robot.joints import JointLike, require_one_degree
+from bellcrank.robot.joints import JointLike, quaternion_part, require_one_degree
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -33,9 +34,10 @@ class JointPath:
     """Positions of a robot's joints over a path parameter s from 0 to `length`, twice continuously differentiable.
 
     Attributes:
-        joints: The robot's joints, each with one degree of freedom.
+        joints: The robot's joints.
         length: The end of the path parameter.
-        spline: Called with s (n,) and the order 0 to 3: positions (n, nq) or their derivatives with respect to s.
+        spline: Called with s (n,) and the order 0 to 3: positions (n, nq), or velocities, accelerations or jerks (n, nv)
+            of a motion along the path at ds/dt = 1.
         knots: Values of s at which the third derivative may jump, the ends included.
         deviation: By how much the path differs from the motion that it is taken from, rad or m.
 
@@ -184,18 +186,16 @@ def one_degree_joints(robot: Robot) -> tuple[JointLike, ...]:
 
 
 def paths_of_motion(motion: Motion) -> tuple[JointPath, ...]:
-    """The paths that a motion follows, from rest to rest: the motion without its timing and its pauses.
+    """The paths that a motion follows, from rest to rest: the motion without its timing and its pauses. It also rests
+    for a moment where it turns around, and there a path ends.
 
     Positions are interpolated over the length of the curve in joint space by the quintic spline through so many points
-    that the path differs from the motion by less than 1e-8 rad or m where that is possible.
+    that the path differs from the motion by less than 1e-8 rad or m where that is possible. Rotations of joints of
+    several degrees of freedom are interpolated by their coordinates, which are then normalised.
 
     Raises:
-        InputError: The motion does not move, or a joint has several degrees of freedom.
+        InputError: The motion does not move.
     """
-    for joint in motion.joints:
-        if joint.nv != 1:
-            raise InputError(f"motion '{motion.name}': a path of joints: joint '{joint.name}' is {joint.kind}; joints "
-                             "with one degree of freedom (revolute or prismatic) are required")  # fmt: skip
     time, speed = _speeds(motion)
     peak = float(speed.max())
     if peak == 0.0:
@@ -207,8 +207,29 @@ def paths_of_motion(motion: Motion) -> tuple[JointPath, ...]:
     for begin, end in pairwise(bounds):
         if moving[begin]:
             first, last = max(0, begin - 1), min(len(time) - 1, end)
-            paths.append(_path_between(motion, float(time[first]), float(time[last])))
+            turns = _turns(motion, time[first : last + 1], speed[first : last + 1], AT_REST * peak)
+            edges_here = [float(time[first]), *turns, float(time[last])]
+            paths += [_path_between(motion, a, b) for a, b in pairwise(edges_here)]
     return tuple(paths)
+
+
+def _turns(motion: Motion, time: Array, speed: Array, rest: float) -> list[float]:
+    """The times (n,) at which the motion rests for a moment: the zeros among the minima of its speed."""
+    from scipy.optimize import minimize_scalar
+
+    def at(t: float) -> float:
+        return float(np.linalg.norm(motion.at(t)[1]))
+
+    found = []
+    low = np.flatnonzero((speed[1:-1] <= speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
+    for k in low.tolist():
+        span = float(time[k + 1] - time[k - 1])
+        if speed[k] > 0.9 * max(speed[k - 1], speed[k + 1]):
+            continue  # a motion that turns around has the speed |a (t - t0)|, which falls faster
+        best = minimize_scalar(at, bounds=(time[k - 1], time[k + 1]), method="bounded", options={"xatol": 1e-12 * span})
+        if best.fun <= rest and time[k - 1] < best.x < time[k + 1]:
+            found.append(float(best.x))
+    return found
 
 
 def _speeds(motion: Motion) -> tuple[Array, Array]:
@@ -240,14 +261,21 @@ def _interpolated(motion: Motion, begin: float, end: float, count: int) -> Joint
     places = travelled[-1] * (0.2 * share + 0.8 * np.linspace(0.0, 1.0, count))
     times = np.clip(when(places), begin, end)
     times[0], times[-1] = begin, end
-    spline = make_interp_spline(places, motion.at(times)[0], k=5)
+    through = motion.at(times)[0]
+    through *= continuous(motion.joints, through)
+    spline = make_interp_spline(places, through, k=5)
+
+    def at(s: Array, order: int) -> Array:
+        if all(joint.nq == 1 for joint in motion.joints):
+            return np.asarray(spline(s, nu=order))
+        if order > 2:
+            raise InputError("a limit of jerk requires joints with one degree of freedom")
+        return from_rates(motion.joints, *(np.asarray(spline(s, nu=k)) for k in (0, 1, 2)))[order]
+
     between = (places[1:] + places[:-1]) / 2.0
-    exact = motion.at(np.clip(when(between), begin, end))[0]
-    deviation = float(np.max(np.abs(np.asarray(spline(between)) - exact)))
-    return JointPath(
-        tuple(motion.joints),
-        float(places[-1]),
-        lambda s, order: np.asarray(spline(s, nu=order)),
-        np.array([0.0, places[-1]]),
-        deviation,
-    )
+    exact, found = motion.at(np.clip(when(between), begin, end))[0], at(between, 0)
+    for joint in motion.joints:
+        if (part := quaternion_part(joint)) is not None:  # q and -q are one rotation
+            exact[:, part] *= np.where(np.sum(exact[:, part] * found[:, part], axis=1) < 0.0, -1.0, 1.0)[:, None]
+    deviation = float(np.max(np.abs(found - exact)))
+    return JointPath(tuple(motion.joints), float(places[-1]), at, np.array([0.0, places[-1]]), deviation)

@@ -196,7 +196,7 @@ class PathLimits:
 
     def _terms(self, q: Array, first: Array, second: Array) -> tuple[Array, ...]:
         """a, b, d, c (n, k) and w (n, k, j) of the motors' torques without the rotors of actuators."""
-        t, still = np.zeros(len(q)), np.zeros_like(q)
+        t, still = np.zeros(len(q)), np.zeros_like(first)
 
         def torques(v: Array, a: Array) -> Array:
             return self.mechanism.torques(t, q, v, a)[0]
@@ -244,7 +244,7 @@ class PathLimits:
         d = np.zeros((len(q), k))
         fast = 1e9 * float(np.max(self._widths, initial=1.0))
         for column in range(robot.nv):
-            unit = np.zeros_like(q)
+            unit = np.zeros_like(first)
             unit[:, column] = 1.0
             once, twice = at(fast * unit), at(2.0 * fast * unit)
             slope = (twice - once) / fast

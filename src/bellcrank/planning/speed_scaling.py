@@ -138,7 +138,7 @@ class SpeedFactor:
         """
         from bellcrank.planning.fastest_plot import plot_factor
 
-        return plot_factor(self, arguments.path("path", path))
+        return plot_factor(self, path)
 
 
 def speed_factor(

@@ -130,6 +130,8 @@ def time_optimal(
         costs=_all_costs(bounds, paths, timings, active, costs),
         excess=excess,
         refined=grid is None,
+        mechanism=bounds.mechanism,
+        actuators=bounds.actuators,
         warnings=(*_warnings(bounds, original, paths, timings, motion), *_excess_warning(excess, bounds, grid is None)),
     )
 
@@ -167,8 +169,9 @@ def _subject(
         paths: tuple[JointPath, ...] = (path,)
     else:
         assert motion is not None
+        if not mechanism.closed:
+            one_degree_joints(mechanism.robot)
         paths = paths_of_motion(motion)
-    one_degree_joints(mechanism.robot)
     name = mechanism.robot.name if subject.config is None else subject.config.name
     return name, motion, paths, PathLimits(mechanism, subject.actuators, limits)
 

@@ -15,6 +15,7 @@ from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.temporaries import new_folder
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page_html, write_page
@@ -49,7 +50,7 @@ class NotebookPage:
 
 @renamed_arguments(thing="source")
 def replay(
-    source: Trajectory | Motion | Sizing | Selection | str | Path,
+    source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     path: str | Path | None = None,
     *,
     robot: Robot | Scene | None = None,
@@ -65,7 +66,8 @@ def replay(
     are in m, forces in N, torques in N m; the world frame is the robot's.
 
     Args:
-        source: A run, a motion, a sizing, a selection (with its motors and gears as cylinders), or the path of a run:
+        source: A run, a motion, a fastest motion (with the limit that is active at each time, its joint highlighted,
+            and the phase plane), a sizing, a selection (with its motors and gears as cylinders), or the path of a run:
             its file, or the folder that `bellcrank simulate` writes.
         path: The file to write; .html is added if it has another suffix. Default: the source's name in the working
             folder, or in a notebook no file.
@@ -104,7 +106,7 @@ def replay(
 
 @renamed_arguments(thing="source")
 def show(
-    source: Trajectory | Motion | Sizing | Selection | str | Path,
+    source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     *,
     robot: Robot | Scene | None = None,
     trace: Iterable[str] = (),
@@ -149,7 +151,7 @@ def open_browser(path: Path) -> None:
 
 
 def film_of(
-    source: Trajectory | Motion | Sizing | Selection,
+    source: Trajectory | Motion | FastestMotion | Sizing | Selection,
     robot: Robot | Scene | None = None,
     *,
     trace: Iterable[str] = (),
@@ -160,6 +162,7 @@ def film_of(
 
     Raises InputError for an invalid argument, and for a motion without a robot.
     """
+    from bellcrank.replays.film.fastest_film import film_of_fastest
     from bellcrank.replays.film.motion_film import film_of_motion
     from bellcrank.replays.film.run_film import film_of_run
     from bellcrank.replays.film.selection_film import film_of_selection
@@ -177,6 +180,8 @@ def film_of(
             return film_of_sizing(source, **options)
         if isinstance(source, Selection):
             return film_of_selection(source, **options)
+        if isinstance(source, FastestMotion):
+            return film_of_fastest(source, robot, **options)
         if isinstance(source, Motion):
             if robot is None:
                 raise InputError(f"motion '{source.name}': a motion does not hold its robot; pass robot=ROBOT, too")
@@ -212,10 +217,10 @@ def find_run(path: str | Path) -> Path:
     return file / "run.npz"
 
 
-def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Sizing | Selection:
+def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | FastestMotion | Sizing | Selection:
     """A run, motion, sizing or selection; a path is read. Raises InputError, which names the caller."""
-    kinds = "a run, a motion, a sizing, a selection, or the path of a run"
-    if isinstance(source, (Motion, Sizing, Selection)):
+    kinds = "a run, a motion, a fastest motion, a sizing, a selection, or the path of a run"
+    if isinstance(source, (Motion, FastestMotion, Sizing, Selection)):
         return source
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
@@ -228,8 +233,10 @@ def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | Si
     arguments.refuse("source", kinds, source, caller, "simulate or size first")
 
 
-def source_name(source: Trajectory | Motion | Sizing | Selection) -> str:
+def source_name(source: Trajectory | Motion | FastestMotion | Sizing | Selection) -> str:
     """The name after which a page is called."""
+    if isinstance(source, FastestMotion):
+        return source.motion.name
     if isinstance(source, Motion):
         return source.name
     if isinstance(source, Selection):

@@ -90,6 +90,15 @@ class TimelineEvent:
     text: str
 
 
+@dataclass(frozen=True)
+class ActiveLimit:
+    """The limit that is active from a time until the next one's, and the number of the axis of its joint; -1: none."""
+
+    time: float
+    text: str
+    axis: int
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """Values (m,) of one quantity at its own times (m,), which do not decrease (a jump has its time twice).
@@ -176,6 +185,7 @@ class Film:
     axes: tuple[Axis, ...] = ()
     layers: tuple[BodyLayer, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
+    limits: tuple[ActiveLimit, ...] = ()
     charts: tuple[Chart, ...] = ()
     xy_plots: tuple[XYPlot, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
@@ -223,6 +233,9 @@ def check_film(film: Film) -> None:
     for axis in film.axes:
         if not 0 <= axis.body < len(names):
             raise _inconsistent(film, f"axis '{axis.name}' is of body {axis.body}", f"there are {len(names)} bodies")
+    for limit in film.limits:
+        if not -1 <= limit.axis < len(film.axes):
+            raise _inconsistent(film, f"a limit is at axis {limit.axis}", f"there are {len(film.axes)} axes")
     for layer in film.layers:
         if not all(0 <= body < len(names) for body in layer.bodies):
             raise _inconsistent(film, f"layer '{layer.name}' has bodies {layer.bodies}", f"there are {len(names)}")

@@ -98,14 +98,16 @@ class MotionSequence:
 
 def film_of_motion(
     motion: Motion,
-    robot: Robot | Scene,
+    robot: Robot | Scene | Mechanism,
     *,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
     progress: Progress = None,
+    actuators: Mapping[str, Actuator] | None = None,
 ) -> Film:
     """The film of a robot's motion with the torques (N m or N) that it requires, under the forces of a scene, if given.
+    With `actuators` by joint the plots of torque over speed are those of their motors.
 
     Raises InputError for an unknown frame to trace, and for a motion of another robot.
     """
@@ -114,7 +116,7 @@ def film_of_motion(
     facts = [("lasts", f"{motion.duration:.6g} s"), *(("warning", text) for text in robot.inertia_warnings)]
     if title is not None:
         facts.append(("motion", f"{robot.name}: {motion.name}"))
-    sequence = MotionSequence(mechanism=mechanism, motions=[motion], actuators={})
+    sequence = MotionSequence(mechanism=mechanism, motions=[motion], actuators=actuators or {})
     film = film_of_motions(sequence, title or f"{robot.name}: {motion.name}", trace, detail, progress)
     warnings = (*motion.warnings, *mechanism_notes(mechanism), *motion_notes(mechanism, motion))
     return replace(film, facts=(*facts, *film.facts), notes=(*film.notes, *warnings))

@@ -59,6 +59,7 @@ def encode_film(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "axes": [_axis(a) for a in film.axes],
         "layers": [asdict(layer) for layer in film.layers],
         "events": [asdict(event) for event in sorted(film.events, key=lambda event: event.time)],
+        "limits": [asdict(limit) for limit in film.limits],
         "charts": [_chart(arrays, c) for c in film.charts] if plots else [],
         "xy_plots": [_xy_plot(arrays, p) for p in film.xy_plots] if plots else [],
     }

@@ -122,6 +122,27 @@ function addArrow(THREE, world, layers, cache, film, data, number) {
   };
 }
 
+/** The axis of the joint whose limit is active, thick and red; nothing where there is none. */
+function addLimitedAxes(THREE, world, bodies, layers, film, size) {
+  if (!film.limits.some(({ axis }) => axis >= 0)) return [];
+  const half = 0.12 * film.size;
+  const packed = new Float32Array(8);
+  const line = makeLine(THREE, packed, { colour: "#D62728", width: 6, size, pairs: true, onTop: true });
+  const group = new THREE.Group().add(line);
+  world.add(group);
+  layers.push({ group: "Joints", name: "joint that limits", colour: "#D62728", objects: [group], on: true });
+  const end = new THREE.Vector3();
+  return [(frame, part, t) => {
+    const axis = film.axes[activeLimit(film.limits, t)?.axis ?? -1];
+    line.visible = axis !== undefined;
+    if (!axis) return;
+    const { position, quaternion } = bodies[axis.body];
+    const direction = new THREE.Vector3(...axis.direction).normalize();
+    [-half, half].forEach((along, k) => end.set(...axis.point).addScaledVector(direction, along).applyQuaternion(quaternion).add(position).toArray(packed, 4 * k));
+    line.changed();
+  }];
+}
+
 /** Axes, and spirals for torsion springs, drawn over the bodies: one line of segments for all of a kind. */
 function addAxes(THREE, world, bodies, layers, film, size) {
   const half = 0.08 * film.size;

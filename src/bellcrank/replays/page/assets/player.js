@@ -117,12 +117,15 @@ function makeControls(player, film, resetCamera) {
   document.addEventListener("click", (event) => {
     if (event.detail > 0 && event.target.closest?.("button, input, select")) document.activeElement?.blur?.();
   });
-  makeTimeline(player, film.events, scrub, tip, digits);
+  makeTimeline(player, film, scrub, tip, digits);
   addKeys(player, resetCamera);
 }
 
-/** Marks of events on the time line, their text at the pointer, and a caption after each event. */
-function makeTimeline(player, events, scrub, tip, digits) {
+/** The limit that is active at a time; undefined without one. */
+const activeLimit = (limits, t) => limits.findLast(({ time }) => time <= t + 1e-9);
+
+/** Marks of events on the time line, their text at the pointer, and a caption: after each event, or the active limit. */
+function makeTimeline(player, { events, limits }, scrub, tip, digits) {
   const { start, end } = player;
   const canvas = byId("ticks");
   const thumb = 8;  // half the width of the thumb: margin at both ends of the bar
@@ -165,7 +168,8 @@ function makeTimeline(player, events, scrub, tip, digits) {
   player.listen((t) => {
     draw();
     const past = events.filter(({ time }) => time <= t + 1e-9 && t < time + lasting);
-    const text = past.length && end > start ? past.at(-1).text : "";
+    const limit = activeLimit(limits, t)?.text;
+    const text = past.length && end > start ? past.at(-1).text : limit ? `limit: ${limit}` : "";
     if (caption.textContent !== text) caption.textContent = text;
   });
 }

@@ -61,6 +61,7 @@ function makeView(pane, film) {
     ...film.rods.map((rod) => addRod(THREE, world, layers, cache, film, rod)),
     ...film.arrows.map((arrow, k) => addArrow(THREE, world, layers, cache, film, arrow, k)),
     ...addAxes(THREE, world, bodies, layers, film, size),
+    ...addLimitedAxes(THREE, world, bodies, layers, film, size),
   ];
 
   // Sky and ground take half of the time of a frame. While the camera rests they are an image behind the canvas.
