@@ -120,6 +120,8 @@ def test_the_path_of_a_blend_misses_the_corner_by_the_closed_form_and_is_smooth(
         assert missed <= 5.0 / 16.0 * r
         assert np.gradient(x, s, axis=0)[1:-1] == pytest.approx(first[1:-1], abs=1e-3)
         assert np.abs(np.diff(second, axis=0)).max() < 0.02 / r  # continuous
+        third = path.derivative(s, 3)
+        assert np.diff(second, axis=0) / (s[1] - s[0]) == pytest.approx((third[1:] + third[:-1]) / 2.0, abs=0.05 / r**2)
         assert np.linalg.norm(first, axis=1).max() <= 1.0 + 1e-12
         assert np.diff(first, axis=0) / (s[1] - s[0]) == pytest.approx((second[1:] + second[:-1]) / 2.0, abs=0.02 / r)
 

@@ -141,7 +141,8 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     if not arguments.no_plots:
         files.append(found.plot(folder / f"fastest_{stem}.png"))
     if arguments.html:
-        from bellcrank.replays.replay import film_of, write_page
+        from bellcrank.replays.page.page import write_page
+        from bellcrank.replays.replay import film_of
 
         files.append(write_page(film_of(found), folder / f"fastest_{stem}.html"))
     if arguments.repeat is not None:

@@ -81,6 +81,20 @@ class BlendedPath:
                 part[inside] = value
         return parts[0], parts[1], parts[2]
 
+    def derivative(self, s: Array, order: int) -> Array:
+        """Positions or derivatives (n, m) of an order up to 3, of a path whose segments are straight."""
+        if order < 3:
+            return self(s)[order]
+        third = np.zeros((len(s), len(self.segments[0].begin)))
+        for before, after, r, corner in zip(
+            self.segments, self.segments[1:], self.blends, self.corners[1:-1].tolist(), strict=False
+        ):
+            x = (s - corner + r) / (2.0 * r)
+            bend = np.where((x > 0.0) & (x < 1.0), 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x), 0.0) / (2.0 * r) ** 2
+            turn = (after.end - after.begin) / after.length - (before.end - before.begin) / before.length
+            third += bend[:, None] * turn
+        return third
+
 
 def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, unit: str, first: int = 1) -> BlendedPath:
     """The path of segments with a blend at each corner between them. Raises InputError where a blend takes more than

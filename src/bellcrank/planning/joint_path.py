@@ -36,8 +36,8 @@ class JointPath:
     Attributes:
         joints: The robot's joints.
         length: The end of the path parameter.
-        spline: Called with s (n,) and the order 0 to 3: positions (n, nq), or velocities, accelerations or jerks (n, nv)
-            of a motion along the path at ds/dt = 1.
+        spline: Called with s (n,) and the order 0 to 3: positions (n, nq), or velocities, accelerations or
+            jerks (n, nv) of a motion along the path at ds/dt = 1.
         knots: Values of s at which the third derivative may jump, the ends included.
         deviation: By how much the path differs from the motion that it is taken from, rad or m.
 

@@ -11,6 +11,7 @@ from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, find_run, load_source, source_name
@@ -81,6 +82,8 @@ def report(
     elif arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
         raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_run")
     result = load_source(given, "report")
+    if isinstance(result, FastestMotion):
+        raise InputError("a fastest motion has no report: bc.replay shows it, and bc.size makes a sizing of its motion")
     if title is None or (isinstance(title, str) and not title):
         title = _title(result)
     if path is not None:
