@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,29 +36,41 @@ def derivative_rows(robot_name: str, repeats: int = 10) -> list[Row]:
     Pinocchio's derivatives do not take them. Errors are relative to Pinocchio's, to the largest entry of each matrix.
     """
     robot = without_mimics(robot_name)
+    seconds = {algorithm: _seconds_to_compile(robot, algorithm) for algorithm in ALGORITHMS}
     try:
         pinocchio = PinocchioDerivatives(robot)
     except BellcrankError as error:
         return [Row(subject=robot_name, method="derivatives", tool=PINOCCHIO, failure=str(error))]
-    return [row for algorithm in ALGORITHMS for row in _rows(robot, robot_name, algorithm, pinocchio, repeats)]
+    return [
+        replace(row, note=f"{row.note}, traced and compiled in {seconds[algorithm]:.2f} s of CPU time")
+        if row.tool == BATCH
+        else row
+        for algorithm in ALGORITHMS
+        for row in _rows(robot, robot_name, algorithm, pinocchio, repeats)
+    ]
+
+
+def _seconds_to_compile(robot: Robot, algorithm: str) -> float:
+    """The CPU time to trace and compile the code for batches; from the cache, to load it."""
+    begun = time.process_time()
+    robot.derivative_code(algorithm).address("batch")
+    seconds = time.process_time() - begun
+    robot.derivative_code(algorithm).address("scalar")
+    return seconds
 
 
 def _rows(robot: Robot, name: str, algorithm: str, pinocchio: PinocchioDerivatives, repeats: int) -> list[Row]:
-    code, seconds = robot.derivative_code(algorithm), {}
-    for kind in ("batch", "scalar"):
-        begun = time.process_time()
-        code.address(kind)
-        seconds[kind] = time.process_time() - begun
+    code = robot.derivative_code(algorithm)
+    operations = code.graph.operations
     many = max(SAMPLES, NUMBERS // (3 * robot.nv**2))
     batch, few = random_states(robot, many), random_states(robot, SAMPLES)
     forward = algorithm == "forward_dynamics"
     outs = [[np.empty((n, robot.nv**2)) for _ in range(3)] for n in (many, SAMPLES)]
     runs: list[tuple[str, int, Callable[[], object], str]] = [
         (PINOCCHIO, SAMPLES, pinocchio.loop(forward, few), ""),
-        (BATCH, many, code.prepared(batch, outs[0]), f"{code.graph.operations} operations"),
+        (BATCH, many, code.prepared(batch, outs[0]), f"{operations} operations"),
         (COMPILED, SAMPLES, loop(code.address("scalar"), few, outs[1]), ""),
     ]
-    notes = ["", f"traced and compiled in {seconds['batch']:.2f} s of CPU time", ""]
     best = [float("inf")] * 3
     wait_for_optimised_code()
     for _ in range(repeats):
@@ -66,8 +79,8 @@ def _rows(robot: Robot, name: str, algorithm: str, pinocchio: PinocchioDerivativ
     errors = [0.0, _error(outs[0], pinocchio.results(forward, batch)), _error(outs[1], pinocchio.results(forward, few))]
     return [
         Row(subject=name, method=f"{algorithm}, derivatives", tool=tool, seconds=best[k], error=errors[k],
-            note=", ".join(note for note in (more, notes[k]) if note))
-        for k, (tool, _, _, more) in enumerate(runs)
+            note=note)
+        for k, (tool, _, _, note) in enumerate(runs)
     ]  # fmt: skip
 
 

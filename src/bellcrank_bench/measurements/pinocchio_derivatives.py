@@ -56,6 +56,8 @@ class PinocchioDerivatives:
 @cache
 def _library() -> ctypes.CDLL:
     """The compiled loop; half a minute."""
+    import casadi  # noqa: F401  loaded after this library, it ends the process
+
     prefix = Path(str(importlib.metadata.distribution("libpinocchio").locate_file("cmeel.prefix"))).resolve()
     libraries = prefix / "lib"
     options = [
