@@ -390,3 +390,11 @@ def test_a_linkage_with_a_floating_platform_moves_along_its_path() -> None:
     assert found.motion.nq == motion.nq
     assert found.duration < motion.duration
     assert found.motion.position[-1] == pytest.approx(motion.position[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("given", [{"acceleration": {"elbow": 1.0}}, {"tool": "base", "tool_acceleration": 1.0}])
+def test_limits_of_what_rests_do_not_count(given: dict[str, Any]) -> None:
+    robot = bc.load_robot("planar_2r")
+    path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
+    with pytest.raises(bc.InputError, match="nothing limits the acceleration of the motion at 0 %"):
+        bc.time_optimal(robot, path, bc.MotionLimits(speed="none", torque="none", **given))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank._planner import bounds_at
 from bellcrank._planner import excess as exceeded
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
@@ -203,6 +204,14 @@ def _check_limited(bounds: PathLimits, path: JointPath) -> None:
     if not bounds.names and not bounds.jerk_groups:
         raise InputError(
             "nothing limits the acceleration of the motion: give limits of torque or acceleration, or actuators"
+        )
+    arrays = bounds.at(path, s)
+    free = np.array([not np.isfinite(bounds_at(arrays, k, 0.0)[1]) for k in range(len(s))])
+    if np.any(free[1:] & free[:-1]):  # at one place alone a coefficient may pass through 0
+        place = 100.0 * float(s[:-1][free[1:] & free[:-1]][0]) / path.length
+        raise InputError(
+            f"nothing limits the acceleration of the motion at {place:.3g} % of the path: the limits are of joints or a"
+            " frame that rest there; give limits of what moves"
         )
 
 
