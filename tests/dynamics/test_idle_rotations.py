@@ -97,7 +97,7 @@ def test_a_link_with_one_connection_is_not_idle(tmp_path):
     more = link("bob", "0 0 -0.1", 0.2) + joint("hang", "continuous", "crank", "bob", '<axis xyz="0 1 0"/>')
     path = written(tmp_path, "spherical", text=ROD.replace("</robot>", more + "</robot>"))
     message = (
-        r"has 3 degrees of freedom and this motion prescribes 1 \(turn\); 1 more are idle rotations, which need no "
+        r"has 3 degrees of freedom and this motion prescribes 1 \(turn\); 1 more is an idle rotation, which needs no "
         r"motor: link 'rod' \(joint ball\); prescribe 1 more: write also the position of a joint"
     )
     with pytest.raises(InputError, match=message):

@@ -182,3 +182,15 @@ def test_a_left_handed_screw_moves_down(loaded):
         robot = loaded(BOLT.replace('pitch="0.4"', f'pitch="{pitch}"'))
         position = robot.frame_pose("nut", [2.0 * np.pi])[0]
         assert position == pytest.approx([0.0, 0.0, pitch], abs=1e-15)
+
+
+def test_a_motion_of_a_ball_is_read_from_its_quaternions_and_free_motion_needs_no_torque(tmp_path):
+    path = tmp_path / "mixed.urdf"
+    path.write_text(MIXED)
+    run = bc.simulate(path, 0.2, rtol=1e-10, atol=1e-12)
+    motion = bc.read_motion(run.robot, run.to_csv(tmp_path / "ball.csv"))
+    need = run.robot.inverse_dynamics(motion.position, motion.velocity, motion.acceleration)
+    gravity = np.abs(run.robot.gravity_torque(motion.position)).max()
+    assert np.ptp(motion.position[:, :3]) > 0.03 and np.abs(need).max() < 1e-9 * gravity
+    with pytest.raises(InputError, match="a spherical joint takes a `spherical_spring`, a torque as a `wrench`"):
+        bc.load_scene(path, {"forces": [{"kind": "torque", "joint": "ball", "value": 1}]})

@@ -176,7 +176,8 @@ class LoopKinematics:
             dependent = [joint.name for joint in candidates if joint not in chosen]
             depend = f"; {', '.join(dependent)} depend{'s' * (len(dependent) == 1)} on them" if dependent else ""
             more = freedoms - len(chosen) - len(idle)
-            turns = f"; {len(idle)} more are idle rotations, which need no motor: {'; '.join(map(str, idle))}"
+            kind = "is an idle rotation, which needs" if len(idle) == 1 else "are idle rotations, which need"
+            turns = f"; {len(idle)} more {kind} no motor: {'; '.join(map(str, idle))}"
             raise InputError(
                 f"motion '{name}': the mechanism has {freedoms} degree{'s' * (freedoms != 1)} of freedom and this "
                 f"motion prescribes {len(chosen)}{given}{depend}{turns if idle else ''}; prescribe {more} more: write "

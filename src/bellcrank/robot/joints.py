@@ -26,6 +26,10 @@ Mask = NDArray[np.bool_]
 KINDS = {  # (nq, nv) by kind of joint
     "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "planar": (4, 3), "spherical": (4, 3), "floating": (7, 6),
 }  # fmt: skip
+BALL = (  # what there is for a spherical joint
+    "; a spherical joint takes a `spherical_spring`, a torque as a `wrench` on a frame of its link, and motions as CSV "
+    "files with its quaternion; for motors, write three revolute joints"
+)
 LENGTHS = {"prismatic": 1, "planar": 2, "floating": 3}  # leading coordinates that are lengths, by kind of joint
 
 
@@ -118,7 +122,7 @@ def require_one_degree(joint: RobotJoint, what: str) -> RobotJoint:
     if joint.nv != 1:
         raise InputError(
             f"{what}: joint '{joint.name}' is {joint.kind}; a joint with one degree of freedom (revolute, prismatic or "
-            "screw) is required"
+            f"screw) is required{BALL if joint.kind == 'spherical' else ''}"
         )
     return joint
 
