@@ -281,3 +281,13 @@ def test_ctrl_c_before_the_first_step_leaves_no_files(arm, monkeypatch, capsys):
     monkeypatch.setattr("bellcrank.scene.scene.load_scene", interrupt)
     assert main(["simulate", "arm.yaml"]) == 130
     assert "interrupted" in capsys.readouterr().err and not Path("arm_run").exists()
+
+
+def test_sensitivities_are_written_with_units(tmp_path):
+    assert main(["simulate", "four_bar", "--sensitivity", "crank_length", "--no-plots", "--out", str(tmp_path)]) == 0
+    head = (tmp_path / "sensitivities.csv").read_text().splitlines()[0].split(",")
+    assert head[:2] == ["time [s]", "d(crank position)/d(crank_length) [rad per m]"]
+    with np.load(tmp_path / "sensitivities.npz") as arrays:
+        assert arrays["names"].tolist() == ["crank_length"] and arrays["units"].tolist() == ["m"]
+        assert arrays["position"].shape == (1, len(arrays["time"]), 3)
+        assert arrays["event_time_derivatives"][0] == pytest.approx([340.5272541522], rel=1e-8)

@@ -206,6 +206,8 @@ def test_what_is_refused():
         bc.simulate("four_bar", sensitivities=["crank_lenght"])
     with pytest.raises(InputError, match="'crank_length' is there twice"):
         bc.simulate("four_bar", sensitivities=["crank_length", "crank_length"])
+    with pytest.raises(InputError, match="'initial.velocity.crank' has no value in the scene"):
+        bc.simulate("four_bar", sensitivities=["initial.velocity.crank"])
     with pytest.raises(InputError, match="this run has no sensitivities"):
         bc.simulate("four_bar", samples=3).sensitivity("crank_length")
     run = bc.simulate("four_bar", samples=3, sensitivities="crank_length")
@@ -222,3 +224,17 @@ def test_files(tmp_path):
     titles = head.split(",")
     assert titles[0] == "time [s]" and "d(coupler velocity)/d(crank_length) [rad/s per m]" in titles
     assert [float(x) for x in first.split(",")][1:4] == found.position[0].tolist()
+
+
+def test_a_start_that_the_constraints_do_not_determine():
+    scene = bc.load_scene("n_four_bar_2").with_overrides({"initial": {"crank_0": {"guess": 0.3}}})
+    run = bc.simulate(scene, duration=0.2, samples=3, sensitivities=["initial.crank_0"], **TIGHT)
+    found = run.sensitivity("initial.crank_0")
+    assert "nearest start" in found.notes[0]
+    guessed = {"initial.crank_0": {"guess": 0.3}}
+
+    def start(change):
+        guessed["initial.crank_0"] = {"guess": 0.3 + change}
+        return bc.simulate(scene.with_overrides(guessed), duration=0.2, samples=3, **TIGHT).state[:, :10]
+
+    assert relative(found.state, slope(start, 1e-2)) < 1e-7

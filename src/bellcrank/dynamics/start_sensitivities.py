@@ -142,7 +142,7 @@ class _Implicit:
         kept = np.where(held, given, 0.0)
         right = -(change + kept @ (jacobian @ axes.T).T)
         matrix = jacobian @ axes.T[:, ~held]
-        known: Mask = np.asarray(~right.any(axis=1))
+        known: Mask = np.asarray(~right.any(axis=1) & ~given[:, ~held].any(axis=1))  # a guess moves the nearest start
         self._determined = True
         if matrix.shape[1]:
             what = f"{self._scene.source}: the derivative of the constraints is"

@@ -60,6 +60,11 @@ def variables_of(scene: Scene, names: Sequence[str]) -> tuple[Variable, ...]:
             known = [*places, *(START + j for j in joints), *(START_VELOCITY + j for j in joints)]
             raise InputError(f"{scene.source}: sensitivities: {unknown_name('parameter or start', name, known)}")
         given = scene.initial.velocity if velocity else scene.initial.position
+        if scene.constraints and joint.name not in given:
+            raise InputError(
+                f"{scene.source}: sensitivities: '{name}' has no value in the scene, where it follows from the "
+                f"constraints; write it under 'initial{'.velocity' if velocity else ''}'"
+            )
         unit = joint_unit(joint, "velocity" if velocity else "position")
         found.append(Variable(name, unit, given.get(joint.name, 0.0), None, joint.name, velocity))
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)

@@ -246,6 +246,17 @@ class RunSensitivity:
         """The derivatives of the run's events, in their order. Raises InputError for an event that touches zero."""
         return tuple(self._event(event) for event in self.run.events)
 
+    @property
+    def event_times(self) -> Array:
+        """∂t/∂p (e,) of the times of the run's events; infinite for an event that touches zero without crossing it."""
+        found = []
+        for event in self.run.events:
+            try:
+                found.append(self._event(event).time)
+            except InputError:
+                found.append(np.inf)
+        return np.array(found)
+
     def event(self, name: str, occurrence: int = 0) -> EventSensitivity:
         """Get the derivative of an event.
 

@@ -41,8 +41,8 @@ def write_npz(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path
     """Write arrays to an .npz file; returns its path.
 
     They are `time` (n,) s, `names` and `units` (k,) of the variables, `position` (k, n, nq), `velocity` (k, n, nv), and
-    `event_names`, `event_times` (e,) s and `event_time_derivatives` (k, e) in s per unit. Raises InputError where the
-    file cannot be written.
+    `event_names`, `event_times` (e,) s and `event_time_derivatives` (k, e) in s per unit, infinite for an event that
+    touches zero without crossing it. Raises InputError where the file cannot be written.
     """
     target = Path(path)
     events = sensitivities[0].run.events
@@ -54,7 +54,7 @@ def write_npz(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path
         "velocity": np.stack([one.velocity for one in sensitivities]),
         "event_names": np.array([event.name for event in events], dtype=str),
         "event_times": np.array([event.time for event in events]),
-        "event_time_derivatives": np.array([[event.time for event in one.events] for one in sensitivities]),
+        "event_time_derivatives": np.array([one.event_times for one in sensitivities]),
     }
     with writing(target) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]

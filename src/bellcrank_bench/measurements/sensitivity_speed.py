@@ -19,7 +19,16 @@ COUNT = 20
 SETTLING = 20.0  # s, until optimised code of long functions is in use
 CALLS = 5  # of a measurement of CPU time
 LENGTHS = {
-    "four_bar": ("joint.coupler.origin.x", "joint.rocker.origin.x", "joint.coupler.origin.y", "joint.rocker.origin.y"),
+    "four_bar": (
+        "joint.coupler.origin.x",
+        "joint.rocker.origin.x",
+        "joint.coupler.origin.y",
+        "joint.rocker.origin.y",
+        "frame.coupler_tip.origin.x",
+        "frame.rocker_tip.origin.x",
+        "frame.coupler_tip.origin.y",
+        "frame.rocker_tip.origin.y",
+    ),
     "planar_2r_swing": ("joint.elbow.origin.x", "joint.elbow.origin.y"),
 }
 
