@@ -206,7 +206,7 @@ def test_what_is_refused():
         bc.simulate("four_bar", sensitivities=["crank_lenght"])
     with pytest.raises(InputError, match="'crank_length' is there twice"):
         bc.simulate("four_bar", sensitivities=["crank_length", "crank_length"])
-    with pytest.raises(InputError, match="'initial.velocity.crank' has no value in the scene"):
+    with pytest.raises(InputError, match=r"'initial\.velocity\.crank' has no value in the scene"):
         bc.simulate("four_bar", sensitivities=["initial.velocity.crank"])
     with pytest.raises(InputError, match="this run has no sensitivities"):
         bc.simulate("four_bar", samples=3).sensitivity("crank_length")
