@@ -19,7 +19,7 @@ PICTURES = {  # tutorial: {file that it writes: picture of the page}
     "tolerances": {"tolerance/limits.png": "tutorial_tolerance.png"},
     "fastest": {"arm_fastest/fastest_cycle.png": "tutorial_fastest.png"},
 }
-WIDTH, COLOURS = 1000, 64  # pixels; few colours, so that the files are small
+WIDTH, COLOURS = 1000, 256  # pixels; few colours, so that the files are small
 
 
 def main() -> None:
