@@ -179,3 +179,11 @@ def test_the_acceleration_of_the_tool_is_kept_with_limits_of_jerk() -> None:
     powers = {"speed": 1.0, "acceleration": 2.0, "jerk": 3.0}
     total = sum(powers[cost.limit.split(" of ")[0]] * cost.derivative for cost in found.costs)
     assert total == pytest.approx(-1.0, abs=1e-4)
+
+
+def test_a_joint_at_rest_along_a_tool_path_does_not_count_as_turning() -> None:
+    robot = bc.load_robot_config("ur5").robot()
+    limits = bc.MotionLimits(jerk=dict.fromkeys(robot.joint_names, 300.0))
+    found = bc.time_optimal("ur5", "circle", limits)
+    assert len(found.s) < 2000
+    assert found.excess < 1e-3

@@ -23,8 +23,8 @@ from bellcrank.planning.path_limits import PathLimits
 from bellcrank.planning.squared_speed import PLACES, SquaredSpeedSpline
 
 Array = NDArray[np.float64]
-FIRST_CELLS, FIRST_CELLS_A_KNOT = 100, 12
-CLOSE = 1e-6  # of the parameter r: closer knots count as one
+FIRST_CELLS, FIRST_CELLS_A_KNOT, MOST_FIRST_CELLS = 100, 12, 1500
+CLOSE = 4e-4  # of the parameter r: closer knots and turning points count as one
 GRID_CELLS = 500  # of the first-order method, which finds where limits cannot be kept
 NARROW = 1e-9  # of the parameter r
 NOISE = 1e-9  # of a position over a limit of jerk: the third power of the shortest time of a cell, for rounding
@@ -197,11 +197,13 @@ def _place(share: float) -> float:
 
 
 def _first_cells(path: JointPath, smooth: JointPath) -> Array:
-    turning = np.array([_place(s / path.length) for s in path.turning_points()])
+    share = path.turning_points() / path.length
+    share = share[np.concatenate([[True], np.diff(share) > CLOSE])[: len(share)]]  # a joint at rest turns by rounding
+    turning = np.array([_place(s) for s in share])
     own = np.unique(np.concatenate([smooth.knots, turning]))
     own = own[np.concatenate([[True], np.diff(own) > CLOSE])]
     own[0], own[-1] = 0.0, 1.0
-    count = max(FIRST_CELLS, FIRST_CELLS_A_KNOT * len(own))
+    count = max(FIRST_CELLS, min(FIRST_CELLS_A_KNOT * len(smooth.knots), MOST_FIRST_CELLS))
     even = np.linspace(0.0, 1.0, count + 1)
     near = np.min(np.abs(even[:, None] - own[None, :]), axis=1)
     return np.unique(np.concatenate([own, even[near > 0.3 / count]]))
