@@ -207,6 +207,7 @@ def _check_limited(bounds: PathLimits, path: JointPath) -> None:
         )
     arrays = bounds.at(path, s)
     free = np.array([not np.isfinite(bounds_at(arrays, k, 0.0)[1]) for k in range(len(s))])
+    free &= np.all(first[:, jerky] == 0.0, axis=1)
     if np.any(free[1:] & free[:-1]):  # at one place alone a coefficient may pass through 0
         place = 100.0 * float(s[:-1][free[1:] & free[:-1]][0]) / path.length
         raise InputError(
