@@ -48,11 +48,23 @@ def run(args: argparse.Namespace) -> int:
         if not _is_configuration(path):
             parse_xml(read_text(path), path)
     pages = [_page(args.html, path) for path in paths]
-    return max(_check(path, page, args.trust) for path, page in zip(paths, pages, strict=True))
+    configured = [_configuration_of(name) for name in args.files]
+    return max(
+        _check(path, page, args.trust, scene) for path, page, scene in zip(paths, pages, configured, strict=True)
+    )
 
 
 def _is_configuration(name: str | Path) -> bool:
     return Path(name).suffix.lower() in CONFIGURATIONS
+
+
+def _configuration_of(name: str) -> Path | None:
+    """The bundled configuration of this name that adds constraints to the robot file of the same name."""
+    from bellcrank.config.yaml_file import read_yaml
+    from bellcrank.scene.robot_config import names
+
+    path = None if Path(name).exists() else names().get(name)
+    return path if path is not None and "constraints" in read_yaml(path) else None
 
 
 def _page(asked: str | None, path: Path) -> Path | None:
@@ -63,8 +75,10 @@ def _page(asked: str | None, path: Path) -> Path | None:
     return page
 
 
-def _check(path: Path, page: Path | None, trust: list[str]) -> int:
-    """Print the findings about a file and write its page; 1 where there are errors."""
+def _check(path: Path, page: Path | None, trust: list[str], configuration: Path | None) -> int:
+    """Print the findings about a file and write its page; 1 where there are errors. The mechanism is that of a
+    configuration where there is one.
+    """
     if _is_configuration(path):
         print(f"{path}:", flush=True)
         return _check_mechanism(path, page, trust)
@@ -72,6 +86,9 @@ def _check(path: Path, page: Path | None, trust: list[str]) -> int:
     print(f"{path}:\n{format_findings(findings)}", flush=True)
     if any(found.severity == "error" for found in findings):
         return 1
+    if configuration is not None:
+        print(f"{configuration}:", flush=True)
+        return _check_mechanism(configuration, page, trust)
     if page is None and not read_robot_file(path, FileAccess.of(path.resolve(), trust)).loops:
         return 0
     return _check_mechanism(path, page, trust)

@@ -18,6 +18,8 @@ PHRASES = {
     "peak_torque": "the peak torque",
     "max_speed": "the largest speed",
 }
+# The least margin of a limit that is kept: a motion that is planned up to a limit meets it to about 1e-5.
+LEAST_MARGIN = -2e-5
 
 
 def margins(

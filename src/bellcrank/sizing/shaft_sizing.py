@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.deprecated import Renamed
+from bellcrank.sizing.margins import LEAST_MARGIN
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class ShaftSizing(Renamed):
     @property
     def inside(self) -> bool:
         """Whether no limit of the actuator is exceeded, as far as its limits are known (`unknown`)."""
-        return self.tightest_margin is None or self.tightest_margin >= 0.0
+        return self.tightest_margin is None or self.tightest_margin >= LEAST_MARGIN
 
     @property
     def state(self) -> str:
@@ -102,7 +103,7 @@ class ShaftSizing(Renamed):
         return tuple(
             f"{what}: the actuator's {name} limit is exceeded by {-margin:.1%}"
             for name, margin in self.known_margins.items()
-            if margin < 0.0
+            if margin < LEAST_MARGIN
         )
 
     def unknown_limits(self, what: str) -> tuple[str, ...]:

@@ -99,7 +99,7 @@ def _kept(sizing: Sizing) -> str:
         without = f" Joints without an actuator, compared with the URDF's limits only: {names}."
     if sizing.unknown:
         return f"Inside as far as known: the tightest known margin is {smallest:.1%}, {where}.{without}"
-    return f"All inside: the tightest margin is {smallest:.1%}, {where}.{without}"
+    return f"All inside: the tightest margin is {max(smallest, 0.0):.1%}, {where}.{without}"
 
 
 def sized_with(sizing: Sizing) -> list[tuple[str, str]]:

@@ -11,6 +11,7 @@ from bellcrank.replays.film.film import Film, TimelineEvent
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
+from bellcrank.sizing.margins import LEAST_MARGIN
 from bellcrank.sizing.tables import verdict
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def exceeded_peaks(joint: JointSizing) -> list[tuple[Peak, str]]:
         (joint.effort_margin, "peak_torque", needs),
         (joint.velocity_margin, "peak_speed", reaches),
     ):
-        if margin is not None and margin < 0.0:
+        if margin is not None and margin < LEAST_MARGIN:
             found.append((joint.peaks[peak], f"{joint.name} {text}"))
     if joint.shaft is not None:
         peaks = {
@@ -105,6 +106,6 @@ def exceeded_peaks(joint: JointSizing) -> list[tuple[Peak, str]]:
             "torque-speed curve": joint.shaft.curve_use,
         }  # fmt: skip
         for name, margin in joint.shaft.known_margins.items():
-            if margin < 0.0 and (where := peaks.get(name)) is not None:
+            if margin < LEAST_MARGIN and (where := peaks.get(name)) is not None:
                 found.append((where, f"{joint.name} exceeds its motor's {name} by {-margin:.1%}"))
     return found
