@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bellcrank.planning.fastest_pass import PathTiming
 
 Array = NDArray[np.float64]
-SHORTEST = 1e-7  # of the whole time: shorter cells become a jump
+SHORTEST = (1e-7, 3e-8, 1e-8, 3e-9, 3e-7, 1e-6)  # of the whole time: shorter cells become a jump; the usual one first
 LEAST = 1e-4  # of the whole time: a row is not closer to the next one of its piece, except in shorter pieces
 LONGEST = 2e-3  # of the whole time: a row is not further from the next
 SMOOTH = 1e-5  # of the largest acceleration: a larger change from one cell to the next is a jump
@@ -44,9 +44,11 @@ class _Cells:
     end: Array
 
 
-def motion_rows(timing: PathTiming) -> list[PathRow]:
-    """Rows of a motion; where the acceleration jumps there are two of one time."""
-    cells = _long_cells(timing)
+def motion_rows(timing: PathTiming, shortest: float = SHORTEST[0]) -> list[PathRow]:
+    """Rows of a motion; where the acceleration jumps there are two of one time. Cells that take less than a share of
+    the whole time become a jump: a larger share moves the limits, a smaller one leaves more rounding.
+    """
+    cells = _long_cells(timing, shortest)
     scale = float(np.max(np.abs(np.concatenate([cells.begin[:, 3], cells.end[:, 3]]))))
     jump = np.abs(cells.end[:-1, 3] - cells.begin[1:, 3]) > SMOOTH * scale
     jump |= cells.end[:-1, 0] != cells.begin[1:, 0]
@@ -61,11 +63,11 @@ def motion_rows(timing: PathTiming) -> list[PathRow]:
     return rows
 
 
-def _long_cells(timing: PathTiming) -> _Cells:
+def _long_cells(timing: PathTiming, shortest: float) -> _Cells:
     length = np.diff(timing.s)
     duration = np.where(length > 0.0, timing.durations, 0.0)
     time = np.concatenate([[0.0], np.cumsum(duration)])
-    long = np.flatnonzero(duration > SHORTEST * time[-1])
+    long = np.flatnonzero(duration > shortest * time[-1])
     begin = np.column_stack([time[long], timing.s[long], timing.speed[long], timing.begin[long]])
     end = np.column_stack([time[long + 1], timing.s[long + 1], timing.speed[long + 1], timing.end[long]])
     begin[0] = _moved(begin[0], timing.s[0], rest=True)

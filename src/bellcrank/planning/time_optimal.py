@@ -23,7 +23,7 @@ from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_
 from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
 from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.motion_rows import motion_rows
+from bellcrank.planning.motion_rows import SHORTEST, motion_rows
 from bellcrank.planning.path_limits import PathLimits
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.size import sizing_subject
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
+KEPT = 7e-7  # share of a limit: no better rows are looked for
 TOLD, TOLD_ON_GRID = 1e-5, 1e-3  # share of a limit: a larger excess is told
 COARSE_CELLS = 100
 CREEP = 1e-3  # of the largest path speed
@@ -113,8 +114,8 @@ def time_optimal(
         timings.append(fastest_refined(one, careful, progress))
         bounds.notes.extend(careful.notes)
     title = "path" if original is None else original.name
-    motion = join(*(_motion(one, t, f"fastest {title}") for one, t in zip(paths, timings, strict=True)),
-                  name=f"fastest {title}")  # fmt: skip
+    parts = [_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
+    motion = join(*parts, name=f"fastest {title}")
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in _labels(bounds, one, t))
     excess = _excess(bounds, motion)
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
@@ -216,14 +217,25 @@ def _check_limited(bounds: PathLimits, path: JointPath) -> None:
         )
 
 
-def _motion(path: JointPath, timing: PathTiming | JerkTiming, name: str) -> Motion:
-    """The motion of the joints."""
+def _motion(path: JointPath, timing: PathTiming | JerkTiming, bounds: PathLimits, refined: bool) -> Motion:
+    """The motion of the joints along one path, with the rows between which it exceeds the limits least."""
     if isinstance(timing, JerkTiming):
-        return timing.motion(name)
-    rows = np.array(motion_rows(timing))
+        return timing.motion("part")
+    best, least = _sampled(path, timing, SHORTEST[0]), np.inf
+    for shortest in SHORTEST if refined else ():
+        motion = _sampled(path, timing, shortest)
+        if (excess := _excess(bounds, motion)) < least:
+            best, least = motion, excess
+        if least <= KEPT:
+            break
+    return best
+
+
+def _sampled(path: JointPath, timing: PathTiming, shortest: float) -> Motion:
+    rows = np.array(motion_rows(timing, shortest))
     q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
     y, u = rows[:, 2:3], rows[:, 3:4]
-    return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, name)
+    return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, "part")
 
 
 def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming | JerkTiming) -> Sequence[str]:
