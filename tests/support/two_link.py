@@ -38,6 +38,7 @@ class TwoLink:
     """Analytic stand-in for the 2R robot; see robot.py for what the names mean."""
 
     name = "two link"
+    file = None
 
     def __init__(self, viscous: float = 0.0, coulomb: float = 0.0, rotor: tuple[float, float] = (0.0, 0.0)) -> None:
         self.joints = (PlainJoint("shoulder", 0, 0), PlainJoint("elbow", 1, 1))
