@@ -116,6 +116,8 @@ class FastestMotion:
         width = max([len(cost.limit) for cost in self.costs] + [5])
         lines += ["", f"{'limit':<{width}}  active during  time saved by 1 % more"]
         for cost in self.costs:
+            if cost.share < 5e-4 and abs(cost.derivative) < 5e-4:
+                continue  # active for an instant: it would be printed as zeros
             saved = "-" if np.isnan(cost.derivative) else f"{-cost.derivative:.3f} %"
             lines.append(f"{cost.limit:<{width}}  {100.0 * cost.share:11.1f} %  {saved:>22}")
         return "\n".join(lines)
