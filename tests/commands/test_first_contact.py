@@ -12,7 +12,8 @@ from bellcrank.codegen import tracer
 from bellcrank.commands import installation
 from bellcrank.commands.demo import DEMONSTRATIONS
 from bellcrank.commands.parser import COMMANDS
-from bellcrank.errors import BellcrankError
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.robot import catalog
 
 
 def doctor(capsys):
@@ -92,6 +93,16 @@ def test_a_package_that_is_missing_or_out_of_range_is_a_fault(monkeypatch):
     assert found["numpy"].state == "fault" and "expected: numpy>=99" in found["numpy"].text
     assert found["no-such-package"].text == "is not installed"
     assert found["packages"].text.startswith("scipy ")
+
+
+def test_without_example_robot_data_only_its_robots_are_missing(monkeypatch):
+    """The rest works: the package holds no more than robots."""
+    monkeypatch.setattr(installation, "_requirements", lambda: [("example-robot-data", "example-robot-data>=6,<7", "")])
+    monkeypatch.setattr(installation, "_installed", lambda name: None)
+    assert [it.state for it in installation._packages()] == ["missing", "ok"]
+    monkeypatch.setattr(catalog, "example_folders", lambda: ())
+    with pytest.raises(InputError, match=r"unknown robot 'ur5'.*pip install example-robot-data"):
+        catalog.find_urdf("ur5")
 
 
 def test_a_fault_of_one_look_does_not_hide_the_others(monkeypatch):

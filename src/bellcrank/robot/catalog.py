@@ -58,7 +58,8 @@ def find_urdf(name_or_path: str | Path) -> Path:
         if known is not None:
             return known
         if path.suffix != ".urdf" and Path(given).name == given and not folder:
-            raise InputError(unknown_name("robot", given, names()))
+            more = "" if list(example_folders()) else "; more robots come with: pip install example-robot-data"
+            raise InputError(unknown_name("robot", given, names()) + more)
     if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
     raise InputError(f"{given}: no such file; give the path of a URDF file or the name of a robot, such as planar_2r")
