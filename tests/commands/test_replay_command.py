@@ -143,7 +143,8 @@ def test_a_motion_is_replayed_with_its_robot_and_refused_without(here):
 def test_what_is_no_run_is_refused(here):
     with pytest.raises(
         InputError,
-        match="'source': expected a run, a motion, a sizing, a selection, or the path of a run, found an empty mapping",
+        match="'source': expected a run, a motion, a fastest motion, a sizing, "
+        "a selection, or the path of a run, found an empty mapping",
     ):
         replay({})
     with pytest.raises(InputError, match="'detail': unknown choice 'some'"):

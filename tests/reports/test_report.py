@@ -154,7 +154,8 @@ def test_a_report_needs_a_result(sizing, tmp_path):
         report(sizing.inputs[1][1], tmp_path / "x.html")
     with pytest.raises(
         InputError,
-        match="report: argument 'source': expected a run, a motion, a sizing, a selection, or the path of a run, found",
+        match="report: argument 'source': expected a run, a motion, a fastest motion, a sizing, "
+        "a selection, or the path of a run, found",
     ):
         report({}, tmp_path / "x.html")
     assert not list(tmp_path.iterdir())

@@ -90,6 +90,9 @@ class FloquetModes:
     def table(self) -> str:
         """The multipliers as text for a terminal.
 
+        Returns:
+            Lines of text.
+
         Example:
             >>> import bellcrank as bc
             >>> scene = bc.load_scene("pendulum", {"initial.swing": "1e-6 deg"})
@@ -110,7 +113,10 @@ class FloquetModes:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as data that JSON can hold; complex numbers as [real, imaginary].
+        """The result as data that JSON can hold.
+
+        Returns:
+            Multipliers and modes; complex numbers as [real, imaginary].
 
         Example:
             >>> import bellcrank as bc

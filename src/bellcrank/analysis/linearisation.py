@@ -149,6 +149,9 @@ class Linearisation:
     def mode_rows(self) -> list[tuple[str, ...]]:
         """The table of modes as texts.
 
+        Returns:
+            The cells of each row.
+
         Example:
             >>> import bellcrank as bc
             >>> bc.linearise(bc.load_scene("pendulum")).mode_rows()[0][:4]
@@ -160,6 +163,9 @@ class Linearisation:
 
     def table(self) -> str:
         """The operating point and its modes as text for a terminal.
+
+        Returns:
+            Lines of text.
 
         Example:
             >>> import bellcrank as bc
@@ -173,7 +179,10 @@ class Linearisation:
     # ---- other formats
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as data that JSON can hold; complex numbers as [real, imaginary].
+        """The result as data that JSON can hold.
+
+        Returns:
+            Matrices, names and modes; complex numbers as [real, imaginary].
 
         Example:
             >>> import bellcrank as bc

@@ -72,7 +72,11 @@ class Mode:
         return 1.0 / abs(self.eigenvalue.real) if self.eigenvalue.real else None
 
     def to_dict(self) -> dict[str, Any]:
-        """The mode as data that JSON can hold; complex numbers as [real, imaginary]."""
+        """The mode as data that JSON can hold.
+
+        Returns:
+            Numbers and texts by name; complex numbers as [real, imaginary].
+        """
         return {
             "eigenvalue": pair(self.eigenvalue),
             "kind": self.kind,

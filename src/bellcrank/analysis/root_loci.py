@@ -124,6 +124,9 @@ class RootLoci:
     def to_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
 
+        Returns:
+            The values of the parameter, and the eigenvalues of each.
+
         Example:
             >>> import bellcrank as bc
             >>> bc.root_loci("pendulum", "initial.swing", [0.1, 0.2]).to_dict()["values"]

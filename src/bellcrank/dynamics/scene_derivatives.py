@@ -30,6 +30,12 @@ class Slopes:
         time: (k,), explicitly by time, signals such as tables and motions advancing with it.
         torque: (k, nv), by additional joint forces, N m or N.
         parameters: (k, np), by the scene's parameters in their order.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> slopes = bc.scene_derivatives(bc.load_scene("pendulum")).of_acceleration
+        >>> slopes.position.shape, slopes.torque.shape
+        ((1, 1), (1, 1))
     """
 
     position: Array
@@ -49,6 +55,12 @@ class SceneDerivatives:
         multiplier_names: (constraint, label) of each multiplier.
         of_acceleration: The derivatives of v̇.
         of_multipliers: The derivatives of λ.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> found = bc.scene_derivatives(bc.load_scene("four_bar"))
+        >>> found.acceleration.shape, len(found.multiplier_names)
+        ((3,), 2)
     """
 
     acceleration: Array

@@ -75,6 +75,12 @@ class EventSensitivity:
         latch_velocity: That of the velocity (nv,) after the impact of a latch; None without one.
         impulse: That of the impulse of a latch; 0 without one.
         energy_lost: That of the energy lost in a latch, J per unit of p; 0 without one.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> run = bc.simulate("four_bar", sensitivities=["crank_length"])
+        >>> round(run.sensitivity("crank_length").event("lock").time, 1)
+        340.5
     """
 
     name: str

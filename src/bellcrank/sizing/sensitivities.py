@@ -51,6 +51,12 @@ class JointSensitivity:
         rms_torque: Of the RMS torque of the motion in which it is largest.
         motoring_energy: Of the energy into the joint in one cycle, J, of the motion in which it is largest.
         regenerated_energy: Of the energy out of the joint in one cycle, J, of the motion in which it is largest.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> [by_length] = bc.size("four_bar").sensitivities(["crank_length"])
+        >>> round(by_length.joint("crank").peak_torque)
+        30
     """
 
     name: str

@@ -144,8 +144,10 @@ def test_rotors_of_a_linkage_are_not_part_of_the_loads(actuated):
         linkage = bc.Linkage(scene, one, actuated)
         found.append(axis_loads(linkage, [linkage.motion("pick")]).cycles[0])
     assert found[0].torque.shape == found[1].torque.shape
+    weighted = found[0].weight > 0.0  # the times of peaks are found only to the rounding of their values
+    assert np.array_equal(weighted, found[1].weight > 0.0)
     for key in ("torque", "inertia", "static_torque", "axial_force"):
-        assert np.allclose(getattr(found[0], key), getattr(found[1], key), rtol=0.0, atol=1e-9)
+        assert np.allclose(getattr(found[0], key)[weighted], getattr(found[1], key)[weighted], rtol=0.0, atol=1e-9)
 
 
 # ---- duty programs
