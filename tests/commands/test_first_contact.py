@@ -101,6 +101,7 @@ def test_without_example_robot_data_only_its_robots_are_missing(monkeypatch):
     monkeypatch.setattr(installation, "_installed", lambda name: None)
     assert [it.state for it in installation._packages()] == ["missing", "ok"]
     monkeypatch.setattr(catalog, "example_folders", lambda: ())
+    monkeypatch.setattr(catalog, "_examples", dict)  # it is kept for the whole process
     with pytest.raises(InputError, match=r"unknown robot 'ur5'.*pip install example-robot-data"):
         catalog.find_urdf("ur5")
 
