@@ -15,15 +15,12 @@ from bellcrank_bench.measurements.fastest_speed import BELLCRANK, ROBOTS, bellcr
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_toppra_finds_the_same_time_on_the_same_grid(name):
-    pytest.importorskip("toppra")
     problem = path_problem(name)
     ours, theirs = (problem.duration(run()) for run in (bellcrank_run(problem), next(iter(RUNS.values()))(problem)))
     assert theirs == pytest.approx(ours, rel=1e-6)
 
 
 def test_copp_finds_the_time_of_toppra_where_both_limit_both_ends_of_cells():
-    pytest.importorskip("toppra")
-    pytest.importorskip("copp_py")
     rows = {(row.tool.split()[0], row.method): row for row in fastest_rows("planar_2r", 1)}
     both = [row for (_, method), row in rows.items() if "both" in method]
     assert len(both) == 2 and all(row.error < 1e-6 for row in both)

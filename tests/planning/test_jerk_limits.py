@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ruckig
 
 import bellcrank as bc
 
@@ -51,7 +52,6 @@ def test_one_joint_takes_the_time_of_seven_segments(
 
 
 def test_a_straight_move_of_two_joints_takes_the_time_that_ruckig_gives_along_the_line() -> None:
-    ruckig = pytest.importorskip("ruckig")
     way = {"shoulder": 1.2, "elbow": -0.7}
     given = ruckig.InputParameter(1)
     length = float(np.hypot(*way.values()))
