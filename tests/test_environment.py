@@ -57,7 +57,7 @@ def test_names_of_other_alphabets_pass_every_command_in_a_locale_without_them(tm
         LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0",
     )  # fmt: skip
     assert codes[:4] == [0, 0, 0, 0] and codes[4] == 0 and codes[5] == 0 and codes[6] == 2, (codes, said)
-    assert said == f"bellcrank: é/{NAME}_not_there.urdf: no such file; give the path of a URDF file or the " + (
+    assert said == f"bellcrank: é/{NAME}_not_there.urdf: no such file; give the path of a robot file or the " + (
         "name of a robot, such as planar_2r\n"
     )
     page = (folder / "report.html").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """Linearised scenes against eigenvalues derived by hand."""
 
+import csv
 import json
 import sys
 
@@ -247,3 +248,16 @@ def test_python_control_takes_the_matrices(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(BellcrankError, match="pip install control"):
         linear.to_control()
+
+
+def test_the_csv_of_root_loci_has_its_values_as_they_are_given(tmp_path):
+    """A number may be negative; only texts that a spreadsheet takes for formulas are marked."""
+    file = tmp_path / "loci.csv"
+    found = bc.root_loci("pendulum", "initial.swing", [-0.1, "2 deg"], "equilibrium")
+    found.to_csv(file)
+    with file.open(encoding="utf-8") as text:
+        head, *rows = csv.reader(text)
+    assert head == ["initial.swing", "Re 1 [1/s]", "Im 1 [1/s]", "Re 2 [1/s]", "Im 2 [1/s]"]
+    assert [row[0] for row in rows] == ["-0.1", "2 deg"]
+    parts = [[complex(float(row[k]), float(row[k + 1])) for k in (1, 3)] for row in rows]
+    assert np.array_equal(parts, found.eigenvalues) and min(found.eigenvalues[0].imag) < 0.0

@@ -41,6 +41,10 @@ def test_a_factor_that_exceeds_a_limit_exits_with_1(tmp_path: Path, capsys: pyte
         (["--motion", "elbow_u"], "elbow_up"),
         (["--tool", "tip"], "tool_speed"),
         (["--scale", "0"], "--scale"),
+        (["--scale", "max", "--grid", "10"], "--grid"),
+        (["--scale", "max", "--html"], "--html"),
+        (["--repeat-limit", "temperature"], "--repeat"),
+        (["--speed", "elbow=1", "--speed", "elbow=2"], "two limits"),
     ],
 )
 def test_wrong_options_are_told_in_one_line(

@@ -1,9 +1,11 @@
 """What a newcomer meets first: bellcrank alone, demo, doctor and completion, and a clear word where a part is wrong."""
 
 import importlib.metadata
+import os
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -31,6 +33,16 @@ def test_bellcrank_alone_says_in_ten_lines_what_it_can_do(capsys):
     assert {"size", "simulate", "demo", "doctor"} <= named <= set(COMMANDS)
 
 
+def test_an_unknown_command_or_value_suggests_the_nearest(capsys):
+    for given, expected in {
+        ("sizee", "x"): "unknown command 'sizee'; did you mean 'size'? (expected: size, select",
+        ("select", "x", "--objective", "masss"): "unknown value 'masss'; did you mean 'mass'? (expected: mass, cost",
+    }.items():
+        with pytest.raises(SystemExit, match="2"):
+            main(list(given))
+        assert expected in capsys.readouterr().err
+
+
 # ---- doctor
 
 
@@ -51,7 +63,23 @@ def test_another_casadi_than_that_of_the_build_is_a_fault_with_its_remedy(capsys
     assert status == 1
     assert re.search(r"^! casadi +casadi 3\.6\.0 is installed", text, re.MULTILINE)
     assert f"! casadi: pip install casadi=={tracer.CASADI_VERSION}" in text
-    assert "does not work" in text
+    assert "! compiling: mend casadi first" in text and "does not work: 2 fault(s)" in text
+
+
+def test_a_casadi_that_cannot_be_loaded_is_a_fault_with_its_remedy(tmp_path):
+    """A fresh process, which finds a package casadi without its library before the real one."""
+    (tmp_path / "casadi").mkdir()
+    (tmp_path / "casadi" / "__init__.py").write_text(
+        "raise ImportError('libcasadi.so: cannot open shared object file')"
+    )
+    paths = [str(tmp_path), *([os.environ["PYTHONPATH"]] if "PYTHONPATH" in os.environ else [])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    command = [sys.executable, "-m", "bellcrank", "doctor"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    text = re.sub(r"\n {4,}", " ", done.stdout)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert re.search(r"^! casadi .*libcasadi\.so: cannot open", text, re.MULTILINE)
+    assert f"! casadi: pip install --force-reinstall casadi=={tracer.CASADI_VERSION}" in text
 
 
 def test_tracing_with_another_casadi_is_refused_before_its_library_is_called(monkeypatch):
@@ -119,7 +147,7 @@ def test_a_fault_of_one_look_does_not_hide_the_others(monkeypatch):
 # ---- completion
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh"])
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_prints_a_script_with_every_command(shell, capsys):
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
@@ -134,11 +162,16 @@ def test_completion_prints_a_script_with_every_command(shell, capsys):
         (["si"], {"size", "simulate"}),
         (["simulate", "four"], {"four_bar"}),
         (["size", "--payl"], {"--payload"}),
-        (["completion", ""], {"bash", "zsh", "tcsh"}),
+        (["completion", ""], {"bash", "zsh", "fish", "tcsh"}),
+        (["simulate", "four_bar", "--solver", "R"], {"RK45", "RK4", "Radau"}),
+        (["sweep", "four_bar", "--method", ""], {"sobol", "latin", "random"}),
+        (["size", "planar_2r", "--motion", "mot"], {"motion.csv"}),
+        (["plot", "run", "--out", "mot"], {"motion.csv"}),
     ],
 )
 def test_bash_completes_commands_names_and_options(words, expected, capsys, tmp_path):
     main(["completion", "bash"])
+    (tmp_path / "motion.csv").touch()
     script = tmp_path / "completion.bash"
     script.write_text(capsys.readouterr().out)
     line = " ".join(f"'{word}'" for word in ["bellcrank", *words])

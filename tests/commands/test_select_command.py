@@ -101,7 +101,7 @@ def test_a_pair_that_is_kept_and_fails_is_exit_1(own: str, tmp_path: Path, capsy
         (["--assume", "gear.efficiency=0.7", "--assume", "gear.efficiency=0.8"], "given twice"),
         (["--top", "0"], "--top '0'"),
         (["--payload", "2"], "expected MASS@FRAME"),
-        (["--write-card", "x.txt"], "expected the name of a YAML file"),
+        (["--write-config", "x.txt"], "expected the name of a YAML file"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing_behind(
@@ -178,7 +178,7 @@ def test_the_written_configuration_holds_the_values_that_were_set(
     own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     written, folder = tmp_path / "chosen.yaml", tmp_path / "out"
-    given = ["--catalogue", own, "--set", "gravity=[0, 0, -1.62]", "--write-card", str(written), "--no-plots"]
+    given = ["--catalogue", own, "--set", "gravity=[0, 0, -1.62]", "--write-config", str(written), "--no-plots"]
     assert main(["select", "geared_pendulum", *given, "--out", str(folder)]) == 0
     assert "differ from those of geared_pendulum.yaml: gravity = [0, 0, -1.62]" in " ".join(
         capsys.readouterr().out.split()

@@ -90,7 +90,9 @@ def test_the_changelog_and_the_citation_tell_the_version():
 
 def test_the_files_that_pages_name_exist():
     named = {name for page in PAGES for name in re.findall(r"`([\w/]+\.(?:py|hpp))`", text_of(page))}
-    there = {str(path) for folder in ("src", "examples", "docs/tools") for path in (ROOT / folder).rglob("*.*")}
+    there = {
+        str(path) for folder in ("src", "examples", "docs/tools", "tests") for path in (ROOT / folder).rglob("*.*")
+    }
     assert named
     for name in named:
         assert any(path.endswith(f"/{name}") for path in there), name

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -210,6 +211,19 @@ def test_trust_allows_by_argument_by_variable_and_by_option(
     again = bc.load_scene(path, trust=private).with_overrides({"initial.shoulder": 0.1})
     assert again.robot.source == private / "x.urdf"
     assert bc.load_scene(path, trust=[project, str(private)]).forces
+    run = bc.simulate(path, trust=private)
+    assert run.success and bc.prepare(path, trust=private)().status == run.status
+    assert bc.sweep(path, {"initial.shoulder": [0.1]}, trust=private, threads=1).designs[0].status == "finished"
+    saved = run.save(project / "run.npz")
+    for call in (
+        partial(bc.simulate, run.scene), partial(bc.prepare, run.scene), partial(bc.sweep, run.scene),
+        partial(bc.replay, run), partial(bc.show, run),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=r"'trust': it is for files, and '(scene|source)' is loaded already"):
+            call(trust=private)
+    assert bc.replay(saved, project / "page.html", trust=private, plots=False).is_file()
+    with pytest.raises(InputError, match=r"'trust': .*there is no such folder"):
+        bc.replay(saved, project / "page.html", trust=project / "gone")
     monkeypatch.chdir(project)
     command = ["simulate", "robots/scene.yaml", "--no-plots", "--out", "run"]
     assert cli.main(command) == 2

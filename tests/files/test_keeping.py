@@ -220,7 +220,7 @@ def test_what_compressed_blocks_unpack_to_is_limited_together(tmp_path, monkeypa
         (["replay", "pendulum"], "pendulum.html"),
         (["report", "pendulum"], "pendulum_report.html"),
         (["plot", "pendulum"], "pendulum.png"),
-        (["plot", "planar_2r", "--frame", "tip"], "planar_2r_tip.png"),
+        (["plot", "planar_2r_tracking", "--frame", "tip"], "planar_2r_tracking_tip.png"),
     ],
 )
 def test_links_that_came_with_a_folder_lead_no_output_elsewhere(tmp_path, monkeypatch, capsys, command, link):

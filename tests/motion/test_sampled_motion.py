@@ -243,6 +243,17 @@ def test_accelerations_that_contradict_the_velocities_are_told(arm, tmp_path, fa
     assert not any("of joint 'shoulder'" in note for note in notes)
 
 
+@pytest.mark.parametrize(("acceleration", "told"), [(3e-7, False), (3e-3, True)])
+def test_accelerations_of_a_joint_at_rest_that_cannot_be_seen_in_its_position_are_not_told(
+    arm, tmp_path, acceleration, told
+):
+    header, rows = columns(times(0.01), "sine", 3)
+    rows[:, [2, 4]] = 0.0
+    rows[:, 6] = acceleration * np.sin(40.0 * rows[:, 0])
+    notes = read_motion(arm, written(tmp_path / "m.csv", header, rows)).notes
+    assert any("the acceleration of joint 'elbow' does not agree" in note for note in notes) == told
+
+
 def test_a_jump_at_a_row_is_found_whatever_side_the_row_is_of(arm):
     """A row at the time of the jump may have the acceleration before it, after it or the mean of both."""
     t = np.linspace(0.0, 1.0, 21)

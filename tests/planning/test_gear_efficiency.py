@@ -38,8 +38,8 @@ def used(config: bc.RobotConfig, motion: bc.Motion) -> float:
 def test_the_limit_is_just_used_with_another_efficiency_where_the_load_gives_power_back(back: float) -> None:
     config = pendulum(efficiency=0.7, back_efficiency=back)
     found = fastest(config)
-    assert used(config, found.motion) == pytest.approx(1.0, abs=2e-5)
-    assert found.excess == pytest.approx(0.0, abs=2e-5)
+    assert used(config, found.motion) == pytest.approx(1.0, abs=1e-5)
+    assert -1e-5 < found.excess <= 1e-6
 
 
 def test_a_gear_that_loses_more_while_braking_stops_faster() -> None:
@@ -51,7 +51,7 @@ def test_a_curve_of_efficiency_over_the_load_is_kept_or_its_excess_is_told() -> 
     config = pendulum(efficiency_curve=((0.1, 0.6), (0.5, 0.72), (1.0, 0.8)))
     found = fastest(config)
     assert any("curve over the load" in warning for warning in found.warnings)
-    assert used(config, found.motion) <= 1.0 + 2e-5
+    assert used(config, found.motion) <= 1.0 + 1e-6
     slow, quick = (fastest(pendulum(efficiency=0.6, back_efficiency=0.8)), fastest(pendulum(efficiency=0.8)))
     assert found.duration == pytest.approx(slow.duration, rel=1e-9)
     assert found.duration > quick.duration

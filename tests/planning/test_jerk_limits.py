@@ -10,6 +10,11 @@ import pytest
 import ruckig
 
 import bellcrank as bc
+from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.planning.fastest_pass import fastest_refined
+from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
+from bellcrank.planning.joint_path import paths_of_motion
+from bellcrank.planning.path_limits import PathLimits
 
 
 def seven_segments(distance: float, speed: float, acceleration: float, jerk: float) -> float:
@@ -45,9 +50,9 @@ def test_one_joint_takes_the_time_of_seven_segments(
 ) -> None:
     found = straight_move({"shoulder": distance}, speed, acceleration, jerk)
     exact = seven_segments(distance, speed, acceleration, jerk)
-    assert found.duration == pytest.approx(exact, rel=2e-5)
+    assert found.duration == pytest.approx(exact, rel=5e-5)  # slowed until jerks, found to 1e-4, are kept: 1e-4 / 3
     assert found.duration >= exact * (1.0 - 1e-7)  # limits are kept, so that it is not faster
-    assert found.excess < 1e-3
+    assert found.excess <= 1e-6
     assert any("local optimum" in warning for warning in found.warnings)
 
 
@@ -60,7 +65,7 @@ def test_a_straight_move_of_two_joints_takes_the_time_that_ruckig_gives_along_th
     given.max_velocity, given.max_acceleration, given.max_jerk = [1.5 / share], [6.0 / share], [60.0 / share]
     trajectory = ruckig.Trajectory(1)
     ruckig.Ruckig(1).calculate(given, trajectory)
-    assert straight_move(way, 1.5, 6.0, 60.0).duration == pytest.approx(trajectory.duration, rel=2e-5)
+    assert straight_move(way, 1.5, 6.0, 60.0).duration == pytest.approx(trajectory.duration, rel=5e-5)
 
 
 def curved(jerk: float | None, **options: object) -> bc.FastestMotion:
@@ -186,4 +191,33 @@ def test_a_joint_at_rest_along_a_tool_path_does_not_count_as_turning() -> None:
     limits = bc.MotionLimits(jerk=dict.fromkeys(robot.joint_names, 300.0))
     found = bc.time_optimal("ur5", "circle", limits)
     assert len(found.s) < 2000
-    assert found.excess < 1e-3
+    assert found.excess <= 1e-6
+
+
+def test_motors_of_a_linkage_with_a_free_platform_take_limits_of_jerk() -> None:
+    """Where only jerks limit, the time grows with the third root of 1 / jerk; as they grow, it approaches that without
+    them. The motion keeps the rods' lengths and is that of the motors' torques.
+    """
+    config, mechanism = bc.load_robot_config("delta"), mechanism_of(bc.load_scene("delta"))
+    path = paths_of_motion(mechanism.along("pick")[0])[0]
+    motors = [joint.v for joint in mechanism.motors]
+
+    def limited(jerk: float) -> JerkTiming:
+        given = bc.MotionLimits(jerk={joint.name: jerk for joint in mechanism.motors})
+        return jerk_limited(path, PathLimits(mechanism, config.actuators, given))
+
+    slow, fast, fastest = limited(1e3), limited(8e3), limited(1e7)
+    assert slow.duration / fast.duration == pytest.approx(2.0, rel=1e-6)
+    free = fastest_refined(path, PathLimits(mechanism, config.actuators, bc.MotionLimits()))
+    assert 1.0 < fastest.duration / free.duration < 1.005
+    motion = slow.motion("slow")
+    jerk = np.abs(np.diff(motion.acceleration[:, motors], axis=0)) / np.diff(motion.time)[:, None]
+    assert jerk.max() == pytest.approx(1e3, rel=1e-3)
+    residual = mechanism.residuals(motion.time, motion.position, motion.velocity, motion.acceleration)
+    assert max(residual) < 1e-11
+    assert jerk_excess(motion, np.where(np.isin(np.arange(mechanism.robot.nv), motors), 1e3, np.inf)) < 1e-3
+
+
+def test_a_free_platform_has_no_limit_of_jerk_of_its_own() -> None:
+    with pytest.raises(bc.InputError, match="floating"):
+        bc.time_optimal("delta", "pick", bc.MotionLimits(jerk={"platform_pose": 100.0}))

@@ -9,6 +9,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.planning.speed_scaling import scaled_motion
+from bellcrank.simulation.scene_notes import scene_notes
 
 PEAKS = ("peak torque", "speed", "torque-speed curve")
 
@@ -81,3 +82,30 @@ def test_friction_limits_the_factor_as_bisection_over_inverse_dynamics_does() ->
         middle = (low + high) / 2.0
         low, high = (middle, high) if use(middle) <= 1.0 else (low, middle)
     assert found.factor == pytest.approx(low, rel=1e-9)
+
+
+def test_lengths_of_parameters_that_a_path_does_not_have_are_told_of_every_motion(tmp_path: Path) -> None:
+    """Inverse kinematics takes the URDF's lengths: with another forearm the tip does not draw the circle."""
+    path = tmp_path / "arm.yaml"
+    path.write_text(
+        "urdf: planar_2r\n"
+        "motions: {round: {kind: circle, frame: tip, center: [1, 0, 0], radius: 0.2, duration: 2, start: {elbow: 1}}}\n"
+        "control: [{name: follow, kind: computed_torque, motion: round, kp: 100, kd: 20}]\n"
+        "parameters: {upper: {value: 0.8, sets: [joint.elbow.origin.x]}}\n"
+        "initial: {motion: round}\nsimulate: {duration: 0.1, samples: 2}\n"
+    )
+    limits = bc.MotionLimits(speed={"shoulder": 2.0, "elbow": 2.0})
+
+    def told(given: str | bc.Scene) -> list[bool]:
+        texts = (
+            bc.speed_factor(given, "round", limits).warnings,
+            bc.time_optimal(given, "round", limits, grid=50, costs=False).warnings,
+            bc.size(given, "round").warnings,
+            scene_notes(given if isinstance(given, bc.Scene) else bc.load_scene(given)),
+        )
+        return [
+            any("the parameters upper change: the frame moves along another path" in t for t in each) for each in texts
+        ]
+
+    assert told(str(path)) == 4 * [True]
+    assert told(bc.load_scene(path, {"upper": 1.0})) == 4 * [False]  # the length of the URDF

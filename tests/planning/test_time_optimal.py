@@ -173,7 +173,8 @@ def test_no_dynamic_programme_over_speeds_is_faster_with_viscous_friction() -> N
     assert found.duration == pytest.approx(bound, rel=0.03)  # the programme's speeds are rounded to levels
 
 
-@pytest.mark.parametrize(("name", "motion"), [("planar_2r", "elbow_up"), ("ur5", "circle"), ("geared_pendulum", None)])
+@pytest.mark.parametrize(("name", "motion"), [("planar_2r", "elbow_up"), ("ur5", "circle"), ("geared_pendulum", None),
+                                              ("xarm7", "stack"), ("ur5", "pick_and_place")])  # fmt: skip
 def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reached(
     name: str, motion: str | None
 ) -> None:
@@ -189,8 +190,8 @@ def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reache
         if not joint.shaft:
             uses.append(joint.peak_torque / robot.effort_limit[column])
         uses += [joint.peak_speed / robot.velocity_limit[column]]
-    assert max(uses) <= 1.0 + 2e-5  # quintics between rows add up to 1e-5 where rows lie a few microseconds apart
-    assert found.excess == pytest.approx(max(uses) - 1.0, abs=2e-5)
+    assert max(uses) <= 1.0 + 1e-6
+    assert -1e-6 <= found.excess - (max(uses) - 1.0) <= 1e-5  # of the xArm a torque of the URDF is closer to its limit
     durations = np.diff(found.time)
     idle = [not name for name in found.active]
     assert np.sum(durations[idle]) <= 1e-6 * found.duration
@@ -342,7 +343,7 @@ def test_a_path_with_blends_is_passed_without_a_stop() -> None:
     path = bc.joint_path(robot, postures, blend=0.3)
     limits = bc.MotionLimits(speed="none", torque={"shoulder": 60.0, "elbow": 40.0})
     found = bc.time_optimal(robot, path, limits, costs=False)
-    assert found.excess <= 1e-5
+    assert found.excess <= 1e-6
     assert found.speed[5:-5].min() > 0.0
     corner = robot.posture(postures[1])
     missed = np.linalg.norm(path.at(np.linspace(0.0, path.length, 20001))[0] - corner, axis=1).min()
@@ -376,7 +377,7 @@ def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> 
 
 def test_a_linkage_that_turns_around_stops_there_and_keeps_its_limits() -> None:
     found = bc.time_optimal("five_bar", "pick", costs=False)
-    assert found.excess <= 1e-5
+    assert found.excess <= 1e-6
     assert any("3 parts" in warning for warning in found.warnings)
     speed = np.abs(found.motion.velocity).max(axis=1)
     rest = np.flatnonzero(speed <= 1e-9 * speed.max())
@@ -398,3 +399,55 @@ def test_limits_of_what_rests_do_not_count(given: dict[str, Any]) -> None:
     path = bc.joint_path(robot, [{}, {"shoulder": 1.0}])
     with pytest.raises(bc.InputError, match="nothing limits the acceleration of the motion at 0 %"):
         bc.time_optimal(robot, path, bc.MotionLimits(speed="none", torque="none", **given))
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.1, 0.01, 1e-4])
+def test_short_ramps_at_both_ends_of_a_long_move_take_the_time_of_the_trapezoid(tmp_path: Path, speed: float) -> None:
+    arm = rotor(tmp_path)
+    limits = bc.MotionLimits(speed={"hinge": speed}, acceleration={"hinge": 2.0}, torque="none")
+    found = bc.time_optimal(arm, bc.joint_path(arm, [{}, {"hinge": 1.5}]), limits, costs=False)
+    assert found.duration == pytest.approx(1.5 / speed + speed / 2.0, rel=1e-10)
+
+
+def test_a_stretch_of_the_path_that_nothing_limits_is_refused() -> None:
+    arm = bc.load_robot("planar_2r", friction="none")
+    path = bc.joint_path(arm, [[0.0, 0.0], [1.0, 0.0], [1.0, 0.02], [2.0, 0.02]], blend=0.005)
+    limits = bc.MotionLimits(speed="none", torque="none", acceleration={"shoulder": 1.0})  # the elbow moves alone
+    with pytest.raises(bc.InputError, match=r"nothing limits the motion at 49.* %"):
+        bc.time_optimal(arm, path, limits, costs=False)
+
+
+def geared_elbow(folder: Path, ratings: str) -> bc.RobotConfig:
+    (folder / "arm.yaml").write_text(
+        "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\n"
+        f"actuators: {{elbow: {{ratio: 100, rated_speed: 300, max_speed: 400, {ratings}}}}}\n"
+    )
+    return bc.load_robot_config(folder / "arm.yaml")
+
+
+def test_accelerations_that_efficiency_splits_in_two_are_told_without_a_grid_too(tmp_path: Path) -> None:
+    ratings = "rotor_inertia: 1.8697e-4, peak_torque: 0.84188, rated_torque: 0.42, efficiency: 0.74912"
+    config = geared_elbow(tmp_path, ratings)
+    path = bc.joint_path(config.robot(), [[-1.58224779, -0.47293647], [-2.20925269, 0.52147643]])
+    limits = bc.MotionLimits(torque={"shoulder": 404.54393}, speed="none")
+    for grid in (200, None):
+        found = bc.time_optimal(config, path, limits, grid=grid, costs=False)
+        assert any("splits the allowed accelerations in two" in warning for warning in found.warnings), grid
+
+
+def test_where_holes_spoil_cells_that_adapt_themselves_a_grid_keeps_the_limits_better(tmp_path: Path) -> None:
+    file = tmp_path / "arm.yaml"
+    file.write_text(
+        "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\nduty: [there]\nmotions:\n"
+        "  there: {kind: point_to_point, positions: [{}, {elbow: 1.0}], speed: 1.0, acceleration: 1.0}\n"
+        "actuators:\n  elbow: {ratio: 100, efficiency: 0.3954725827225761, rotor_inertia: 0.00019788630017258737,\n"
+        "          peak_torque: 2.2185904488089223, rated_torque: 1.1, rated_speed: 300, max_speed: 400}\n"
+    )
+    config = bc.load_robot_config(file)
+    path = bc.joint_path(config.robot(), [[-0.67664091, -1.99177654], [-1.95160748, -0.8781722]])
+    limits = bc.MotionLimits(torque={"shoulder": 1724.909680486338}, speed="none")
+    found = bc.time_optimal(config, path, limits, costs=False)
+    assert not found.refined
+    assert found.excess < 0.02  # cells that adapt themselves: 0.66
+    for told in ("splits the allowed accelerations", "equal cells", "exceeds a limit", "duty program"):
+        assert any(told in warning for warning in found.warnings), told

@@ -604,6 +604,19 @@ def test_the_first_fact_is_told_whole_on_a_phone(open_page, folder):
 
 
 @pytest.mark.browser
+@pytest.mark.parametrize("width", [296, 320, 360])
+@pytest.mark.parametrize("end", [0.73004, 10.0, 86400.5])
+def test_a_narrow_phone_shows_all_buttons_without_scrolling_sideways(open_page, folder, width, end):
+    opened = open_page(write_page(arm(end=end), folder / "narrow.html"), size=(width, 640))
+    tab = opened.tab
+    assert tab.evaluate("() => document.documentElement.scrollWidth") == width
+    edges = [tab.locator(f"#{name}").bounding_box() for name in ("back", "play", "forth", "clock", "speed", "loop")]
+    ends = [box["x"] + box["width"] for box in edges]
+    assert all(end <= box["x"] + 0.5 for end, box in zip(ends, edges[1:], strict=False)) and ends[-1] <= width
+    assert opened.clean
+
+
+@pytest.mark.browser
 def test_without_plots_the_page_has_none(boxes):
     assert boxes.tab.locator(".u-over").count() == 0
     assert boxes.do("typeof uPlot") == "undefined" and boxes.clean

@@ -50,6 +50,7 @@ def test_stems_that_stand_twice_are_told_apart() -> None:
     ("given", "expected"),
     [
         ("ur55", "unknown robot 'ur55'; did you mean 'ur5'"),
+        ("cassie.xml", "cassie.xml: no such file; give the path of a robot file"),
         ("", "unknown robot ''"),
         ("nowhere/arm.urdf", "nowhere/arm.urdf: no such file"),
         ("arm.urdf", "arm.urdf: no such file"),

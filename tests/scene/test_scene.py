@@ -13,6 +13,7 @@ from crane import FILES, SCENE, TABLE
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import bellcrank as bc
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.controllers import PD, GravityCompensation
 from bellcrank.elements.forces import Damper, JointSpring, Spring, Torque, Wrench
@@ -216,7 +217,8 @@ def test_a_bare_urdf_is_a_scene_without_forces(crane):
     )
     assert scene.settings.solver == "Radau" and load_scene("spring_pendulum").name == "Spring pendulum"
     assert sentence(lambda: load_scene("spring_pendulums")) == (
-        "unknown scene or robot 'spring_pendulums'; did you mean 'spring_pendulum'? `bellcrank robots` lists them"
+        "unknown scene or robot 'spring_pendulums', and no file of that name; did you mean 'spring_pendulum'? "
+        "`bellcrank robots` lists them"
     )
 
 
@@ -264,6 +266,23 @@ def test_parameters_take_the_targets_that_overrides_have_too(scene):
 )
 def test_overrides_that_lead_nowhere_say_what_does(scene, overrides, words):
     assert words in sentence(lambda: scene.with_overrides(overrides))
+
+
+@pytest.mark.parametrize(("text", "remedy"), [("{guess: -90 deg}", "give a dict"), ("[1, 2]", "give a list")])
+def test_an_override_that_is_yaml_in_a_text_is_told_what_to_write(text, remedy):
+    with pytest.raises(InputError, match=f"a text is not read as YAML: in Python, {remedy}"):
+        bc.load_scene("four_bar", {"initial.rocker": text})
+    assert bc.load_scene("four_bar", {"initial.rocker": {"guess": "-90 deg"}}).initial.guesses == ("coupler", "rocker")
+    with pytest.raises(InputError) as refused:  # a text that begins otherwise gets no such advice
+        bc.load_scene("four_bar", {"initial.rocker": "upright"})
+    assert "YAML" not in str(refused.value)
+
+
+def test_a_start_that_fails_tells_each_gap_once():
+    with pytest.raises(InputError) as refused:
+        bc.simulate("four_bar", overrides={"crank_length": 4.0})
+    told = str(refused.value)
+    assert told.count(" m;") + told.count(" m or rad") == 1 and "smallest: apex 0.359 m;" in told
 
 
 def test_what_is_no_scene_is_told_what_opens_it(scene):

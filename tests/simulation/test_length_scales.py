@@ -1,5 +1,7 @@
 """The same mechanism from micrometres to kilometres: the same motion, whatever unit its lengths are of the size of."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from bellcrank.scene.scene import load_scene
 
 SIZES = (1e-6, 1e-3, 1e3)
 KINDS = ("point", "distance", "weld", "slider", "rolling", "hinge in space")
+GAP = re.compile(r"apart where the residuals are smallest: loop (\S+) m")
 
 
 def link(name, s, length, mass):
@@ -135,8 +138,10 @@ def test_a_rod_of_any_length_is_as_long_as_it_says(s, tmp_path):
     apart = np.linalg.norm(run.frame("rod_link").position - run.frame("rocker_tip").position, axis=1)
     np.testing.assert_allclose(apart, 1.1 * s, rtol=1e-12)
     data["initial"] |= {"rod": "-30 deg", "rocker": f"{np.degrees(consistent_start(scene)[0][2]) + 0.5:.3f} deg"}
-    with pytest.raises(InputError, match="'loop' keeps"):  # some hundredths of the rod's length, whatever that is
+    with pytest.raises(InputError, match="of 'loop'") as refused:
         bc.simulate(read(data, tmp_path))
+    gap = float(GAP.search(str(refused.value))[1])
+    assert 0.005 < gap / s < 0.01  # about a hundredth of the rod's length, whatever that is
 
 
 @pytest.mark.parametrize("s", [1e-6, 1e-3])

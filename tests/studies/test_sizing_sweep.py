@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import pickle
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,9 @@ from bellcrank.sizing.size import size
 from bellcrank.studies.axes import read_axis
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.sizing_batch import SizingBatch
 from bellcrank.studies.sizing_measures import measures_of
-from bellcrank.studies.sizing_runner import SizingRunner
+from bellcrank.studies.sizing_runner import BLOCK, SizingRunner
 
 Array = NDArray[np.float64]
 G = 9.81
@@ -384,18 +384,15 @@ def test_ctrl_c_hands_over_what_is_done() -> None:
     assert caught.value.rows.tolist() == list(range(128))
 
 
-def test_many_designs_cost_much_less_than_as_many_sizings() -> None:
-    """A tenth of the time of warm calls of `size` at most, on any machine; the bar of the benchmark is a thirtieth."""
+def test_designs_are_sized_together_and_none_of_them_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What makes many designs cheap: blocks of them share each call (`bellcrank bench --ensembles` tells the times)."""
     study = runner("planar_2r", joint__elbow__origin__x=[1.0], actuators__elbow__ratio=[100.0])
-    values = drawn([(0.8, 1.2), (50.0, 150.0)], 128)
-    study.run(values[:2])
-    size("planar_2r")
-    began = time.perf_counter()
-    for _ in range(3):
-        size("planar_2r")
-    one, began = (time.perf_counter() - began) / 3.0, time.perf_counter()
-    study.run(values)
-    assert (time.perf_counter() - began) / len(values) < one / 10.0
+    blocks: list[int] = []
+    measures = SizingBatch.measures
+    monkeypatch.setattr(SizingBatch, "measures", lambda batch: blocks.append(1) or measures(batch))
+    monkeypatch.setattr(study, "design", lambda numbers: pytest.fail("a design was sized alone"))
+    found = study.run(drawn([(0.8, 1.2), (50.0, 150.0)], 3 * BLOCK))
+    assert len(blocks) == 3 and np.isfinite(found.measures["elbow.peak_torque"]).all()
 
 
 def test_the_command_sizes_the_designs_of_a_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

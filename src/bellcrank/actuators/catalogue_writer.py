@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +12,7 @@ from bellcrank.actuators.catalogue_curves import Product
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import guarded
+from bellcrank.files.csv_files import csv_text
 
 
 def write_catalogue(motors: Sequence[Motor], gears: Sequence[Gear], folder: str | Path) -> list[Path]:
@@ -57,13 +55,11 @@ def write_catalogue(motors: Sequence[Motor], gears: Sequence[Gear], folder: str 
 
 def _write(path: Path, columns: Mapping[str, Column], rows: Sequence[Mapping[str, object]]) -> Path:
     used = [column for column in columns.values() if any(row.get(column.name) not in (None, "") for row in rows)]
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([column.title for column in used])
+    cells: list[list[object]] = [[column.title for column in used]]
     for row in rows:
         values = (row.get(column.name) for column in used)
-        writer.writerow(guarded("" if value is None else value for value in values))
-    write_text(path, out.getvalue())
+        cells.append(["" if value is None else value for value in values])
+    write_text(path, csv_text(cells))
     return path
 
 

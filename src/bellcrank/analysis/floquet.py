@@ -25,7 +25,8 @@ from bellcrank.analysis.symmetries import symmetries_of
 from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint
 from bellcrank.errors import InputError
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
@@ -164,8 +165,7 @@ def floquet(scene: Scene | str | Path, period: float, at: float = 0.0) -> Floque
         >>> bc.floquet(scene, 6.283185307179586 / 9.81**0.5).stable
         True
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    scene = given_scene(scene)
     period = arguments.number("period", period, "s", above=0.0)
     at = arguments.number("at", at, "s", least=0.0)
     last, count = None, FEWEST

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.analysis.mode import Mode, pair
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.files.atomic_write import writing
+from bellcrank.files.json_files import write_json
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -227,7 +227,7 @@ class Linearisation:
             >>> file.exists()
             True
         """
-        write_text(arguments.path("path", path), json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+        write_json(arguments.path("path", path), self.to_dict(), ascii_only=True)
 
     def to_mat(self, path: str | Path) -> None:
         """Write A, B, C, D, the names and the eigenvalues as a MATLAB file, for ss(A, B, C, D).

@@ -22,7 +22,8 @@ from bellcrank.dynamics.start_stages import motors_of
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -78,10 +79,7 @@ def linearise(
         (['swing', 'swing rate'], [3.1321j, -3.1321j])
     """
     run = scene if isinstance(scene, Trajectory) else None
-    if run is not None:
-        scene = run.scene
-    elif not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    scene = scene.scene if isinstance(scene, Trajectory) else given_scene(scene)
     joints = _input_joints(scene, inputs)
     if keep_symmetries is not None:
         keep_symmetries = arguments.flag("keep_symmetries", keep_symmetries)

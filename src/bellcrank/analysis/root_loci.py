@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +17,9 @@ from bellcrank.analysis.linearise import linearise
 from bellcrank.analysis.mode import pair
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.files.csv_files import csv_text
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,16 +110,14 @@ class RootLoci:
             >>> len(file.read_text().splitlines())
             3
         """
-        from bellcrank.files.csv_files import guarded
-
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        count = self.eigenvalues.shape[1]
-        table.writerow([guarded(self.path)] + [f"{part} {k + 1} [1/s]" for k in range(count) for part in ("Re", "Im")])
+        titles = [f"{part} {k + 1} [1/s]" for k in range(self.eigenvalues.shape[1]) for part in ("Re", "Im")]
+        table: list[list[object]] = [[self.path, *titles]]
         for value, row in zip(self.values, self.eigenvalues, strict=True):
             cells = [x for each in row.tolist() for x in pair(each)]
-            table.writerow([guarded(str(value)), *("" if np.isnan(x) else repr(x) for x in cells)])
-        write_text(arguments.path("path", path), text.getvalue())
+            table.append(
+                [value if isinstance(value, (int, float)) else str(value), *("" if np.isnan(x) else x for x in cells)]
+            )
+        write_text(arguments.path("path", path), csv_text(table))
 
     def to_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
@@ -175,8 +173,7 @@ def root_loci(
         >>> abs(found.eigenvalues).max(axis=1).round(4).tolist()
         [2.7386, 5.4772]
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    scene = given_scene(scene)
     if not arguments.text("path", path, "the path of a number of the scene").isprintable():
         arguments.refuse("path", "the path of a number of the scene", path)
     listed = arguments.several("values", values, object, "values")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 import textwrap
@@ -17,7 +16,7 @@ from bellcrank.actuators.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MO
 from bellcrank.actuators.catalogue_curves import Placed, Product
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.files.atomic_write import write_text
+from bellcrank.files import json_files
 from bellcrank.sizing.selection.completeness import completeness
 
 RPM = 30.0 / math.pi  # of 1 rad/s
@@ -235,5 +234,4 @@ def write_json(catalogue: Catalogue, path: Path) -> Path:
         "contradictions": [{"id": one.product.id, "check": one.check, "text": one.text} for one in found],
         "completeness": [asdict(one) for one in completeness(catalogue)],
     }
-    write_text(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    return path
+    return json_files.write_json(path, document)

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "repetition for ever",
     )  # fmt: skip
     parser.add_argument(
-        "--repeat-limit", choices=("rms", "temperature"), default="rms",
+        "--repeat-limit", choices=("rms", "temperature"),
         help="what limits the repetition: the RMS torque against the continuous torque, or the winding's temperature "
         "(default: rms)",
     )  # fmt: skip
@@ -98,8 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     payloads = [parse_payload(text) for text in arguments.payload]
     motions = arguments.motion or list(_motions(config))
-    if arguments.repeat is not None and arguments.scale is not None:
-        raise InputError("--repeat is for the fastest motion; leave --scale out")
+    _refuse_unused(arguments)
     if not motions:
         raise InputError(
             f"{arguments.robot}: there is no motion whose path could be followed; give a CSV file (--motion FILE), or "
@@ -116,6 +115,16 @@ def run(arguments: argparse.Namespace) -> int:
                 status = max(status, _scaled(arguments, (config, name, limits, payloads), factor, (folder, files)))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
     return status
+
+
+def _refuse_unused(arguments: argparse.Namespace) -> None:
+    """Raise InputError for options that others leave without use."""
+    if arguments.scale is not None:
+        given = {"--repeat": arguments.repeat, "--grid": arguments.grid, "--html": arguments.html or None}
+        for option in (name for name, value in given.items() if value is not None):
+            raise InputError(f"{option} is for the fastest motion; leave --scale out")
+    if arguments.repeat_limit is not None and arguments.repeat is None:
+        raise InputError("--repeat-limit is for the repetition of the motion; give --repeat pause or --repeat speed")
 
 
 def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
@@ -155,7 +164,12 @@ def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Pat
 
     config, motion, payloads, stem = given
     cycle = repeated_cycle(
-        config, motion, limit=arguments.repeat_limit, by=arguments.repeat, payloads=payloads, trust=arguments.trust
+        config,
+        motion,
+        limit=arguments.repeat_limit or "rms",
+        by=arguments.repeat,
+        payloads=payloads,
+        trust=arguments.trust,
     )
     print("\n" + cycle.table())
     for warning in cycle.warnings:
@@ -207,7 +221,10 @@ def _limits(arguments: argparse.Namespace) -> MotionLimits:
         if texts == ["none"]:
             chosen[key] = "none"
         elif texts:
-            chosen[key] = dict(_limit(f"--{key}", text, unit) for text in texts)
+            pairs = [_limit(f"--{key}", text, unit) for text in texts]
+            chosen[key] = dict(pairs)
+            if len(pairs) > len(chosen[key]):
+                raise InputError(f"--{key}: a joint has two limits; give one")
     for key, unit in TOOL_UNITS.items():
         chosen[key] = number_option(f"--{key.replace('_', '-')}", getattr(arguments, key), unit, above=0.0)
     return MotionLimits(actuators=not arguments.no_actuators, tool=arguments.tool, **chosen)

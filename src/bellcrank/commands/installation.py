@@ -54,10 +54,14 @@ def findings() -> Iterator[Finding]:
     yield _guarded("bellcrank", _bellcrank)
     yield Finding("Python", f"{platform.python_version()}, {sys.executable}")
     yield from _packages()
-    yield _guarded("casadi", _casadi)
+    casadi = _guarded("casadi", _casadi)
+    yield casadi
     yield _guarded("extensions", _extensions)
     yield _guarded("processor", _processor)
-    yield _guarded("compiling", _compiling)
+    if casadi.state == "fault":
+        yield Finding("compiling", "is not tried, since it needs casadi", "fault", "mend casadi first")
+    else:
+        yield _guarded("compiling", _compiling)
     yield _guarded("cache", _cache)
     yield _guarded("browser", _browser)
     yield _guarded("ffmpeg", _ffmpeg)
@@ -130,7 +134,13 @@ def _casadi() -> Finding:
         check_casadi()
     except BellcrankError as error:
         return Finding("casadi", str(error).partition(": ")[0], "fault", f"pip install casadi=={CASADI_VERSION}")
-    extension()
+    try:
+        extension()
+    except BellcrankError as error:
+        remedy = (
+            f"pip install --force-reinstall casadi=={CASADI_VERSION}, and reinstall bellcrank if that is not enough"
+        )
+        return Finding("casadi", str(error).rpartition(": ")[0], "fault", remedy)
     return Finding("casadi", f"{CASADI_VERSION}, the version that the tracer was built with")
 
 

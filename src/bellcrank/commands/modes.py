@@ -90,14 +90,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _floquet(scene: Scene, period: float, at: float, folder: Path) -> int:
     """Print and write the Floquet multipliers of a periodic motion; returns the exit code."""
-    import json
-
     from bellcrank.analysis.floquet import floquet
-    from bellcrank.files.atomic_write import write_text
+    from bellcrank.files.json_files import write_json
 
     found = floquet(scene, period, at)
     print(found.table())
-    write_text(folder / "modes.json", json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n")
+    write_json(folder / "modes.json", found.to_dict(), ascii_only=True)
     print(f"\nwrote modes.json in {folder}")
     return 0 if found.stable else 1
 
@@ -129,13 +127,10 @@ def _loci(scene: Scene, text: str, at: str | float | None) -> RootLoci:
 
 
 def _write_loci(loci: RootLoci, folder: Path, files: list[Path]) -> None:
-    import json
-
-    from bellcrank.files.atomic_write import write_text
+    from bellcrank.files.json_files import write_json
 
     loci.plot(folder / "root_loci.png")
     files.append(folder / "root_loci.png")
     loci.to_csv(folder / "root_loci.csv")
     files.append(folder / "root_loci.csv")
-    write_text(folder / "root_loci.json", json.dumps(loci.to_dict(), indent=1, allow_nan=False) + "\n")
-    files.append(folder / "root_loci.json")
+    files.append(write_json(folder / "root_loci.json", loci.to_dict(), ascii_only=True))

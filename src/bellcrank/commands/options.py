@@ -62,8 +62,8 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="DIR",
-        help="a folder from which files that the scene, robot or run names may be read, its subfolders included; may "
-        "be repeated",
+        help="let the scene, robot or run name files in this folder and its subfolders too, besides its own; "
+        "may be repeated",
     )
 
 
@@ -80,7 +80,7 @@ def config_with_changes(robot: str, changes: list[str], trust: list[str]) -> Rob
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.robot_config import load_robot_config
     from bellcrank.scene.scene import load_scene
-    from bellcrank.sizing.size import changed_scene
+    from bellcrank.sizing.subject import changed_scene
 
     assigned = dict(parse_assignment(text) for text in changes)
     if not assigned:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 
+from bellcrank.messages import unknown_name
 from bellcrank.version import version
 
 COMMANDS = {
@@ -17,7 +18,7 @@ COMMANDS = {
     "replay": "write the replay of a run or a sizing as one HTML page",
     "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",
     "plot": "draw a run, a scene or a sizing",
-    "check": "find errors in URDF files",
+    "check": "find errors in robot files, and whether the loops of a mechanism close",
     "catalogue": "list, show and check motors and gears to choose from",
     "robots": "list the names of robots, robot configurations and scenes",
     "demo": "write a gallery of pages of bundled robots and scenes",
@@ -36,6 +37,15 @@ OVERVIEW = """bellcrank {version}: size the motors of robots, and simulate robot
 `bellcrank --help` lists every command, `bellcrank COMMAND --help` explains one, `bellcrank robots` lists robots."""
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that suggests the nearest word where one is not known."""
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        if action.choices is not None and value not in action.choices:
+            kind = "command" if isinstance(action, argparse._SubParsersAction) else "value"
+            raise argparse.ArgumentError(action, unknown_name(kind, str(value), map(str, action.choices)))
+
+
 def overview() -> str:
     """What bellcrank can do, in ten lines."""
     return OVERVIEW.format(version=version())
@@ -43,9 +53,9 @@ def overview() -> str:
 
 def parser(given: list[str], *, whole: bool = False) -> argparse.ArgumentParser:
     """The parser of all commands. Only the given command has its arguments, or all of them have with `whole`."""
-    made = argparse.ArgumentParser(
+    made = Parser(
         prog="bellcrank",
-        description="Size motors and simulate robots from a URDF.",
+        description="Size the motors of robots, and simulate robots, from a URDF, MJCF or SDFormat file.",
         epilog="Exit codes: 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, "
         "explained in one line; 128 + n: interrupted by signal n.",
     )

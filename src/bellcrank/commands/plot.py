@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
+from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="draw the path of this frame instead; may be repeated",
+        help="of a run, draw the path of this frame instead; may be repeated",
     )
 
 
@@ -41,6 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or default_place(f"{stem(arguments.run)}.png")
     check_file("--out", out)
     result = compute_or_load(arguments)
+    if isinstance(result, Sizing) and arguments.frame:
+        raise InputError("--frame is for a run, and this is a sizing; leave it out, or add --simulate")
     files = _sizing_files(result, out) if isinstance(result, Sizing) else _run_files(result, out, arguments.frame)
     success, verdict = verdict_of(result)
     print(f"{verdict}\nwrote {', '.join(map(str, files))}")

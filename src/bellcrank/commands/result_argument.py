@@ -69,6 +69,11 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing:
             if given:
                 raise InputError(f"--{option} is for a scene or configuration, and {name} is a saved run; leave it out")
         return load_run(find_run(path), trust=arguments.trust)
+    if path.suffix.lower() == ".json" and path.is_file():
+        raise InputError(
+            f"{name}: results in JSON hold no motion; expected a saved run (.npz, or its folder), a scene, a robot "
+            "configuration (.yaml) or a robot file; name the one that was simulated, sized or selected for"
+        )
     source, urdf = find_config(name)
     data = {} if urdf else read_scene_data(source)[0]
     if sized or (not simulated and "motions" in data and ("actuators" in data or data.keys().isdisjoint(_SCENE_KEYS))):

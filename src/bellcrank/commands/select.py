@@ -77,11 +77,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--top", metavar="N", help="list N pairs of each joint in the files (default: 12)")
     parser.add_argument(
-        "--write-card",
+        "--write-config",
         type=Path,
         metavar="FILE",
         help="write a robot configuration with the chosen motors and gears, which size, simulate and replay open",
     )
+    parser.add_argument("--write-card", type=Path, dest="write_config", help=argparse.SUPPRESS)  # its name until 0.4
     parser.add_argument(
         "--report", action="store_true", help="write the report of the selection as one HTML page, report.html in DIR"
     )
@@ -103,7 +104,7 @@ def _add_conditions(parser: argparse.ArgumentParser) -> None:
         ("--voltage", "V", "voltage of the DC bus (default: the nominal voltage of each motor)"),
         ("--reserve", "SHARE", "share of the voltage that is kept for control, such as 10%% (the default)"),
         ("--ambient", "°C", "ambient temperature (default: 25)"),
-        ("--altitude", "M", "altitude of the site above sea level (default: 0)"),
+        ("--altitude", "M", "altitude of the site above sea level, m (default: 0)"),
         ("--safety-factor", "F", "factor on the loads before they are compared with limits (default: 1)"),
         ("--life", "HOURS", "life that gears must reach (L10)"),
         ("--bus-capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
@@ -139,9 +140,9 @@ def run(arguments: argparse.Namespace) -> int:
     check_folder("--out", folder, FILES)
     robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     config = robot if isinstance(robot, RobotConfig) else robot.config
-    if arguments.write_card is not None:
-        check_file("--write-card", arguments.write_card)
-        check_target(arguments.write_card, config)
+    if arguments.write_config is not None:
+        check_file("--write-config", arguments.write_config)
+        check_target(arguments.write_config, config)
     own = [] if config.catalogue is None else [str(config.catalogue)]
     catalogue = products([*own, *arguments.catalogue], arguments.exclude, arguments.maker)
     try:
@@ -176,8 +177,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_results(selection, folder, files[len(RESULTS) :])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(selection)}\nwrote {', '.join(path.name for path in files)} in {folder}")
-    if arguments.write_card is not None:
-        _write_card(selection, arguments.write_card)
+    if arguments.write_config is not None:
+        _write_config(selection, arguments.write_config)
     return 0 if selection.inside else 1
 
 
@@ -252,7 +253,7 @@ def products(folders: list[str], excluded: list[str], makers: list[str]) -> Cata
     return catalogue
 
 
-def _write_card(selection: object, path: Path) -> None:
+def _write_config(selection: object, path: Path) -> None:
     """Write the robot configuration of a selection, unless an axis has no motor."""
     from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.selection.written_config import write_config

@@ -94,11 +94,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def chosen(config: RobotConfig, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
-    """The old name of `bellcrank.sizing.size.mechanism_and_motions`, until 0.6."""
+    """The old name of `bellcrank.sizing.subject.mechanism_and_motions`, until 0.6."""
     from bellcrank import deprecated
-    from bellcrank.sizing.size import mechanism_and_motions
+    from bellcrank.sizing.subject import mechanism_and_motions
 
-    deprecated.warn("bellcrank.commands.size.chosen", "bellcrank.sizing.size.mechanism_and_motions")
+    deprecated.warn("bellcrank.commands.size.chosen", "bellcrank.sizing.subject.mechanism_and_motions")
     return mechanism_and_motions(config, robot, names or None)
 
 

@@ -57,6 +57,17 @@ def _wanted(unit: str) -> str:
     }.get(unit, f"a number in {unit}")
 
 
+def _yaml_hint(value: object) -> str:
+    """What to write instead of an override that is YAML in a text, such as "{guess: 1 deg}"; "" for others."""
+    kind = {"{": "a dict, such as {'guess': '30 deg'}", "[": "a list, such as [0, 0, 1]"}
+    begin = value.strip()[:1] if isinstance(value, str) else ""
+    return (
+        f"; a text is not read as YAML: in Python, give {kind[begin]}, without quotes around it"
+        if begin in kind
+        else ""
+    )
+
+
 class Fields:
     """One mapping of a file, read key by key; `done()` refuses keys that were not read.
 
@@ -98,7 +109,8 @@ class Fields:
         overrides: dict[str, str] = getattr(self._data, "overrides", {})
         text = f"{_place(self.where, path)}{line}: {message}"
         if key in overrides:
-            text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}"
+            hint = _yaml_hint(self._data[key]) if key in self._data else ""
+            text = f"override '{overrides[key]}': {_place(self.where, path)}: {message}{hint}"
         return InputError(" ".join(text.splitlines()))
 
     def overridden(self, key: str) -> bool:

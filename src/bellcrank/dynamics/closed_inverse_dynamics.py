@@ -8,7 +8,7 @@ nonredundant and redundant actuators, IEEE Trans. Robotics Autom. 5 (1989).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ from bellcrank.dynamics.dependent_motion import DependentMotions
 from bellcrank.dynamics.idle_motion import freed_motion
 from bellcrank.dynamics.idle_rotations import IdleRotation
 from bellcrank.dynamics.loop_kinematics import LoopKinematics
-from bellcrank.dynamics.motor_shares import MotorShares, motor_shares
+from bellcrank.dynamics.motor_shares import MotorShares, motor_shares, torque_shares
 from bellcrank.dynamics.reactions import joint_reactions
 from bellcrank.dynamics.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.elements.joint_constraints import PrescribedMotion
@@ -209,7 +209,25 @@ class Linkage:
         return shares, np.asarray(scaled / rows_of(self.kinematics.scene).unit[:, None])
 
     def _shares_at(self, t: Array, q: Array) -> Array:
-        return motor_shares(self, q, self.kinematics.jacobian(t, q), t).torques
+        return torque_shares(self, q, self.kinematics.jacobian(t, q), t)
+
+    def torque_map(self, t: Array, q: Array) -> Callable[[Array], Array]:
+        """The function that gives the motors' torques for joint forces in given postures.
+
+        Args:
+            t: Times (n,), s.
+            q: Positions (n, nq), rad or m.
+
+        Returns:
+            A function of joint forces (n, nv) that returns torques (n, k), N m or N.
+
+        Raises:
+            InputError: An array does not fit.
+            UnreachableError: The motors cannot move the linkage.
+        """
+        t, q = self._rows(t=t, q=q)
+        shares = self._shares_at(t, q)
+        return lambda forces: products(shares, forces)
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
         """The part of the motors' torques that overcomes friction, also of joints without a motor.

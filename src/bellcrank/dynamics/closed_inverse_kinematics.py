@@ -211,7 +211,8 @@ class ClosedInverseKinematics:
         """The right-hand side [−φ; x_path − x] (rows,) and [J; F] (rows, nv), in rad and characteristic lengths."""
         residual, jacobian = self.kinematics.scaled_position_residual(t, q)
         at, turn, flat, _ = self.code(q, np.zeros(self.robot.nv), self.kinematics.scene.parameter_values)
-        turned = 0.5 * np.cross(turn.reshape(3, 3).T, rotation.T).sum(axis=0)
+        away = rotation @ turn.reshape(3, 3).T
+        turned = 0.5 * np.array([away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1]])
         missing = np.concatenate([position - at, turned])[self.rows]
         frame = flat.reshape(self.robot.nv, 6).T[self.rows]
         sizes = self._sizes

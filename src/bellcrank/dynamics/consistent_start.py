@@ -28,11 +28,11 @@ class NoConsistentStart(InputError):
     """No posture with the held values satisfies the constraints.
 
     Attributes:
-        brief: The message without the diagnosis, which a study leaves out of its rows.
+        brief: The message that a study writes into its rows: with the largest residual instead of the diagnosis.
     """
 
-    def __init__(self, brief: str, diagnosis: Sequence[str] = ()) -> None:
-        super().__init__("; ".join([brief, *diagnosis]))
+    def __init__(self, brief: str, sentences: Sequence[str]) -> None:
+        super().__init__("; ".join(sentences))
         self.brief = brief
 
 
@@ -78,10 +78,11 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     found, verdicts = consistent_postures(scene, _one(scene), q[None], held)
     code = verdicts.code[0]
     if code:
-        brief, more = f"{scene.source}: initial: {reason(scene, verdicts, 0, held)}", tuple[str, ...]()
+        place, more = f"{scene.source}: initial", tuple[str, ...]()
+        brief = f"{place}: {reason(scene, verdicts, 0, held)}"
         if code in (StartCode.UNSATISFIED, StartCode.TURNED_AROUND):
             more = diagnose_start(scene, _one(scene), q, held).sentences()
-        raise NoConsistentStart(brief, more)
+        raise NoConsistentStart(brief, (f"{place}: {reason(scene, verdicts, 0, held, diagnosed=bool(more))}", *more))
     return np.asarray(found[0])
 
 

@@ -75,8 +75,11 @@ def _find_flat_disks(scene: Scene, designs: Constrained, q: Array, verdicts: Ver
         verdicts.code[lying], verdicts.place[lying] = StartCode.FLAT_DISK, k
 
 
-def reason(scene: Scene, verdicts: Verdicts, design: int, held: Mask) -> str:
-    """Why a design has no consistent start; `held` (nv) marks what the search for its position held."""
+def reason(scene: Scene, verdicts: Verdicts, design: int, held: Mask, diagnosed: bool = False) -> str:
+    """Why a design has no consistent start; `held` (nv) marks what the search for its position held.
+
+    Where a diagnosis follows (`diagnosed`), numbers are left to it: it gives the gap of each constraint.
+    """
     code, index = StartCode(verdicts.code[design]), int(verdicts.place[design])
     value = float(verdicts.value[design])
     if code is StartCode.FLAT_DISK:
@@ -98,10 +101,11 @@ def reason(scene: Scene, verdicts: Verdicts, design: int, held: Mask) -> str:
         )
     if code is StartCode.UNSATISFIED:
         names = [j.name for j in scene.robot.joints if held[j.v : j.v + j.nv].any()]
+        residual = "" if diagnosed else f", {value:.3g} m or rad,"
         return (
-            f"the constraints cannot be satisfied with {', '.join(names) or 'nothing'} held: '{name}' keeps a residual "
-            f"of {value:.3g} m or rad ({label}); hold fewer joints, write a guess nearer to the intended branch "
-            "({guess: …}), or change lengths"
+            f"the constraints cannot be satisfied with {', '.join(names) or 'nothing'} held: the largest "
+            f"residual{residual} is in row {label} of '{name}'; hold fewer joints, write a guess nearer to the "
+            "intended branch ({guess: …}), or change lengths"
         )
     return (
         f"the given velocities violate constraint '{name}' ({label}) by {value:.3g} m/s or rad/s; give fewer "

@@ -18,6 +18,7 @@ from bellcrank.dynamics.closed_inverse_kinematics import ClosedInverseKinematics
 from bellcrank.dynamics.consistent_start import consistent_posture
 from bellcrank.dynamics.idle_rotations import IdleRotation
 from bellcrank.dynamics.loop_kinematics import LoopKinematics
+from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.csv_files import unguarded
@@ -85,10 +86,8 @@ class DependentMotions:
             given = _prescribed_joints(entry, self.robot, self.entries)
             if isinstance(entry, CsvEntry):
                 return read_partial_motion(self.robot, entry.path, entry.name, entry.text), given
-            whole, changed = self.scene.motion(str(motion)), changed_lengths(self.scene)
-            if changed and any(path_frames(entry, self.entries)):
-                whole = replace(whole, notes=(*whole.notes, path_note(whole.name, changed)))
-            return whole, given
+            whole = self.scene.motion(str(motion))
+            return replace(whole, notes=(*whole.notes, *path_notes(self.scene, [str(motion)]))), given
         file = arguments.path("motion", motion, "a motion's name or the path of a CSV file")
         if not (file.suffix or "/" in str(motion)):
             unknown = unknown_name("motion", str(motion), self.entries)
@@ -228,30 +227,6 @@ def _prescribed_joints(entry: MotionEntry, robot: Robot, entries: Mapping[str, M
             return one
         names |= {str(name) for name in posture}
     return names
-
-
-# ---- paths with changed lengths
-
-
-def path_note(name: str, changed: Sequence[str]) -> str:
-    """The sentence about a motion that was made from a frame's path with other lengths than those of the parameters."""
-    return (
-        f"motion '{name}' was made from a frame's path with the lengths of the URDF, which the parameters "
-        f"{', '.join(changed)} change: the frame moves along another path; write the motion in joint positions"
-    )
-
-
-def changed_lengths(scene: Scene) -> list[str]:
-    """The parameters that place a joint or frame elsewhere than the URDF or the configuration."""
-    frames = scene.robot.equations.tree.frames
-    found = []
-    for name, parameter in scene.parameters.items():
-        for frame, what in parameter.places:
-            if what < 6:
-                now = [*frames[frame].in_parent.translation, *frames[frame].rpy][what]
-                if abs(parameter.value - now) > 1e-9 * max(1.0, abs(now)) and name not in found:
-                    found.append(name)
-    return found
 
 
 # ---- CSV files with some of the joints

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
@@ -67,6 +67,11 @@ class Mechanism(Protocol):
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """The motors' torques (n, k), rotors included, and the constraints' multipliers (n, rows)."""
+
+    def torque_map(self, t: Array, q: Array) -> Callable[[Array], Array]:
+        """The function that gives the motors' torques (n, k) for joint forces (n, nv) in these postures; the torques of
+        several motions through the same postures need it once.
+        """
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
         """The part (n, k) of the motors' torques that overcomes friction, also of joints without a motor."""
@@ -136,18 +141,35 @@ def parameter_values(mechanism: Mechanism) -> tuple[tuple[str, float, str], ...]
     return () if scene is None else tuple((name, p.value, p.unit) for name, p in scene.parameters.items())
 
 
-def coulomb_widths(mechanism: Mechanism) -> list[tuple[int, float]]:
-    """(index in v, width in rad/s or m/s) of every Coulomb friction, the robot's and the scene's."""
+@dataclass(frozen=True)
+class JointFriction:
+    """Friction viscous v + coulomb v / √(v² + width²) of the velocity coordinate `column`."""
+
+    column: int
+    viscous: float
+    coulomb: float
+    width: float
+
+
+def joint_frictions(mechanism: Mechanism) -> list[JointFriction]:
+    """The friction of every joint's coordinates that have one, the robot's and the scene's."""
     robot = mechanism.robot
-    found = [(int(column), robot.friction_width) for column in np.flatnonzero(robot.coulomb > 0.0)]
+    found = [
+        JointFriction(int(column), float(robot.viscous[column]), float(robot.coulomb[column]), robot.friction_width)
+        for column in np.flatnonzero((robot.viscous > 0.0) | (robot.coulomb > 0.0))
+    ]
     scene = mechanism.equations.scene
     parameters = () if scene is None else scene.parameters.values()
     set_by = {target: parameter.value for parameter in parameters for target in parameter.sets}
     for force in mechanism.equations.forces:
         if isinstance(force, Friction):
-            coulomb, width = (
-                set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in ("coulomb", "width")
+            viscous, coulomb, width = (
+                set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in Friction.NUMBERS
             )
-            if coulomb > 0.0:
-                found.append((force.joint.v, float(width)))
+            found.append(JointFriction(force.joint.v, float(viscous), float(coulomb), float(width)))
     return found
+
+
+def coulomb_widths(mechanism: Mechanism) -> list[tuple[int, float]]:
+    """(index in v, width in rad/s or m/s) of every Coulomb friction, the robot's and the scene's."""
+    return [(friction.column, friction.width) for friction in joint_frictions(mechanism) if friction.coulomb > 0.0]

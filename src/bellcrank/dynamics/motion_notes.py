@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.dependent_motion import changed_lengths, path_note
+from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
-from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.robot.joints import quaternion_part
@@ -64,9 +63,8 @@ def motion_notes(mechanism: Mechanism, motion: Motion) -> Iterator[str]:
     """A sentence for each table that does not cover a motion, and for each other way in which scene and motion
     differ.
     """
-    changed = [] if mechanism.closed or mechanism.scene is None else changed_lengths(mechanism.scene)
-    if changed and _follows_frame(mechanism, motion.name):
-        yield path_note(motion.name, changed)
+    if mechanism.scene is not None and not mechanism.closed:
+        yield from path_notes(mechanism.scene, [motion.name])
     begin, end = float(motion.time[0]), float(motion.time[-1])
     if mechanism.scene is not None:
         yield from _base_notes(mechanism.scene, motion)
@@ -112,9 +110,3 @@ def _drive_notes(scene: Scene, motion: Motion) -> Iterator[str]:
                 f"constraint '{constraint.name}' of the scene prescribes motion '{follows}'; here its joint follows "
                 f"motion '{motion.name}'"
             )
-
-
-def _follows_frame(mechanism: Mechanism, name: str) -> bool:
-    """Whether a motion of the scene is made from the path of a frame, or has such a part."""
-    entries = {} if mechanism.scene is None else mechanism.scene.config.motions
-    return name in entries and any(path_frames(entries[name], entries))

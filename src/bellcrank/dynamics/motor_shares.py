@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 Array = NDArray[np.float64]
+WELL_CONDITIONED = 1e3  # entry of the inverse of a scaled Jacobian, up to which it loses few digits
 MASSLESS = 1e-13  # of the largest inertia of a joint: an idle rotation with less has no inertia
 
 
@@ -103,6 +104,36 @@ def motor_shares(linkage: Linkage, q: Array, jacobian: Array, time: Array | None
     solved = (vectors * inverse[:, None, :]) @ (vectors.transpose(0, 2, 1) @ idle)
     driven = driven - (driven @ coupled.transpose(0, 2, 1)) @ solved
     return MotorShares(solve @ driven, rows, IdleResponse(idle, coupled, solved))
+
+
+def torque_shares(linkage: Linkage, q: Array, jacobian: Array, time: Array | None = None) -> Array:
+    """The matrices (n, k, nv) of `motor_shares` alone, without singular values where that is safe.
+
+    Where the motors' joints m determine the others d, the joint forces Q need the torques Q_m − (J_d⁻¹ J_m)ᵀ Q_d by the
+    principle of virtual power. Arguments and errors are those of `motor_shares`.
+    """
+    found = _of_determined_joints(linkage, jacobian)
+    return motor_shares(linkage, q, jacobian, time).torques if found is None else found
+
+
+def _of_determined_joints(linkage: Linkage, jacobian: Array) -> Array | None:
+    """The matrices where J_d is square and far from singular at all n postures; else None."""
+    motors, units = linkage.motor_columns, linkage.kinematics.units
+    others = np.setdiff1d(np.arange(linkage.robot.nv), motors)
+    if len(others) != jacobian.shape[1] or linkage.idle_rotations:
+        return None
+    scaled = linkage.kinematics.scaled(jacobian)
+    try:
+        inverse = np.linalg.inv(scaled[:, :, others])
+    except np.linalg.LinAlgError:
+        return None
+    if not np.abs(inverse).max(initial=0.0) <= WELL_CONDITIONED:
+        return None
+    follow = inverse @ scaled[:, :, motors] * units[others][:, None] / units[motors]
+    shares = np.zeros((len(jacobian), len(motors), linkage.robot.nv))
+    shares[:, np.arange(len(motors)), motors] = 1.0
+    shares[:, :, others] = -follow.transpose(0, 2, 1)
+    return shares
 
 
 def held_shares(linkage: Linkage, jacobian: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,6 +79,10 @@ class OpenChain:
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """The motors' torques (n, k), and no multipliers (n, 0)."""
         return self.equations.needed(t, q, v, a)[:, self._columns], np.zeros((len(t), 0))
+
+    def torque_map(self, t: Array, q: Array) -> Callable[[Array], Array]:
+        """The function that gives the motors' torques (n, k) for joint forces (n, nv)."""
+        return lambda forces: forces[:, self._columns]
 
     def friction(self, t: Array, q: Array, v: Array) -> Array:
         """The part (n, k) of the motors' torques that overcomes friction."""

@@ -18,7 +18,8 @@ from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -183,14 +184,11 @@ def scene_inverse_dynamics(
         >>> result.torque.shape == (len(result.time), 2)
         True
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
+    scene = given_scene(scene, overrides)
     if actuated is not None:
         actuated = arguments.several("actuated", actuated, str, "names of joints")
     if independent is not None:
         independent = arguments.several("independent", independent, str, "names of joints")
-    if overrides is not None:
-        scene = scene.with_overrides(overrides)
     mechanism = mechanism_of(scene, actuated=actuated)
     whole, joints = mechanism.along(motion, independent)
     states = (force_times(whole.time, whole.time[-1]), whole.position, whole.velocity, whole.acceleration)

@@ -30,14 +30,20 @@ def write_table(path: str | Path, labels: Sequence[tuple[str, str]], blocks: Ite
     generator needs the memory of one block. The write is atomic. Raises InputError where the folder cannot be written.
     """
     target = Path(path)
-    header = io.StringIO()
-    csv.writer(header, lineterminator="\n").writerow(guarded(f"{name} [{unit}]" for name, unit in labels))
+    header = csv_text([[f"{name} [{unit}]" for name, unit in labels]])
     with writing(target) as temporary, temporary.open("wb") as file:
-        file.write(header.getvalue().encode())
+        file.write(header.encode())
         for block in blocks:
             for first in range(0, len(block), ROWS):
                 file.write(csv_rows(list(block[first : first + ROWS].T), blank=False))
     return target
+
+
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """The text of a CSV file with these rows, the header among them. Texts are guarded, numbers exact."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(guarded(row) for row in rows)
+    return text.getvalue()
 
 
 def guarded(cells: Iterable[object]) -> list[object]:

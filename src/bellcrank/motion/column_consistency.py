@@ -51,6 +51,9 @@ def _of_acceleration(motion: Motion, time: Array, velocity: Array, acceleration:
     """The mean acceleration of a step lies within the samples around it, or a little outside where they bend."""
     h = np.diff(time)
     there = h > 0.0
+    if not there.any():
+        return ()
+    slight = 4.0 * POSITION_GAP / float(np.sum(h)) ** 2  # over the whole time it moves a joint by twice the gap
     found = []
     for joint in motion.joints:
         if joint.nv != 1:
@@ -60,9 +63,9 @@ def _of_acceleration(motion: Motion, time: Array, velocity: Array, acceleration:
         around[0, 0], around[3, -1] = a[0], a[-1]
         low, high = around.min(axis=0), around.max(axis=0)
         mean = np.diff(v)[there] / h[there]
-        doubt = SLIGHT * np.abs(a).max(initial=0.0) + 0.25 * (high - low)[there] + 2.0 * rounding_of([v]) / h[there]
+        doubt = SLIGHT * np.abs(a).max() + slight + 0.25 * (high - low)[there] + 2.0 * rounding_of([v]) / h[there]
         excess = np.maximum(mean - high[there], low[there] - mean) - doubt
-        if excess.size == 0 or excess.max() <= SLIGHT * np.abs(mean).max(initial=0.0):
+        if excess.max() <= SLIGHT * np.abs(mean).max():
             continue
         step = int(np.argmax(excess))
         row = int(np.flatnonzero(there)[step])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.quaternions import conjugate, multiply, rotate
+from bellcrank.motion.quaternions import conjugate, cross, multiply, rotate
 from bellcrank.robot.joints import JointLike, quaternion_part
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -60,7 +60,7 @@ def rates(joints: Sequence[JointLike], q: Array, v: Array, a: Array) -> tuple[Ar
         i, k = joint.q, joint.v
         if joint.kind == "floating":
             quaternion, linear, angular = q[:, i + 3 : i + 7], v[:, k : k + 3], v[:, k + 3 : k + 6]
-            turned = np.cross(angular, linear) + a[:, k : k + 3]
+            turned = cross(angular, linear) + a[:, k : k + 3]
             qd[:, i : i + 3], qdd[:, i : i + 3] = rotate(quaternion, linear), rotate(quaternion, turned)
             qd[:, i + 3 : i + 7], qdd[:, i + 3 : i + 7] = _quaternion_rates(quaternion, angular, a[:, k + 3 : k + 6])
         elif joint.kind == "spherical":
@@ -93,7 +93,7 @@ def from_rates(joints: Sequence[JointLike], q: Array, qd: Array, qdd: Array) -> 
             back = conjugate(quaternion)
             linear = rotate(back, qd[:, i : i + 3])
             v[:, k : k + 3] = linear
-            a[:, k : k + 3] = rotate(back, qdd[:, i : i + 3]) - np.cross(angular, linear)
+            a[:, k : k + 3] = rotate(back, qdd[:, i : i + 3]) - cross(angular, linear)
             q[:, part] = quaternion
         elif joint.kind == "spherical":
             part, turn = slice(i, i + 4), slice(k, k + 3)

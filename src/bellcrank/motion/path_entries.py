@@ -33,7 +33,7 @@ class PathEntry(MotionEntry):
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
-        from bellcrank.motion.frame_motions import follow_paths, start_posture
+        from bellcrank.motion.path_following import follow_paths, start_posture
 
         start = start_posture(robot, previous if self.start is None else self.start)
         here = robot.frame_pose(self.options.frame, start)[0]

@@ -20,9 +20,9 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.blends import MOST_BENT, STEEPEST, Segment, blended, straight
 from bellcrank.motion.coordinates import Array
-from bellcrank.motion.frame_motions import follow_paths, start_posture
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.path import AXES, FARTHEST, FramePath, Orientation, PathOptions, Posture, Vector
+from bellcrank.motion.path_following import follow_paths, start_posture
 from bellcrank.motion.path_timing import Section, timing
 
 if TYPE_CHECKING:

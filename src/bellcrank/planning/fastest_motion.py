@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import guarded
+from bellcrank.files.csv_files import csv_text
 from bellcrank.planning.result_files import write_json
 
 if TYPE_CHECKING:
@@ -189,12 +187,10 @@ class FastestMotion:
             'limits.csv'
         """
         target = arguments.path("path", path)
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["t [s]", "s", "ds/dt [1/s]", "largest ds/dt [1/s]", "active limit from here"])
+        rows: list[list[object]] = [["t [s]", "s", "ds/dt [1/s]", "largest ds/dt [1/s]", "active limit from here"]]
         for row in zip(self.time, self.s, self.speed, self.largest_speed, [*self.active, ""], strict=True):
-            writer.writerow(guarded([*(repr(float(x)) for x in row[:4]), row[4]]))
-        write_text(target, text.getvalue())
+            rows.append([*(float(x) for x in row[:4]), row[4]])
+        write_text(target, csv_text(rows))
         return target
 
     def plot(self, path: str | Path) -> Path:

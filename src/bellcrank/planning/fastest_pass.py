@@ -14,6 +14,7 @@ from bellcrank._planner import fastest_on_grid as grid_pass
 from bellcrank._planner import fastest_refined as refined_pass
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.joint_path import JointPath
+from bellcrank.planning.known_places import KnownPlaces
 from bellcrank.planning.path_limits import PathLimits
 
 Array = NDArray[np.float64]
@@ -24,7 +25,8 @@ TIME_ERROR = 1e-11  # of the whole time, by one cell
 EXCESS = 2e-7  # share by which a limit may be exceeded, or missed, in the middle of a cell
 CHECKED_EXCESS = 5e-7  # the same elsewhere in a cell
 MOST_PASSES = 120
-MOST_CELLS = 200_000
+CHECKED_EVERY = 10  # passes: the excess elsewhere in cells is found anew, and where no cell is halved
+MOST_CELLS = 20_000
 KINDS = ("most acceleration", "most deceleration", "along a speed limit", "change")
 SPEED_LIMIT = -2
 
@@ -105,14 +107,15 @@ def fastest_refined(
     the cell is negligibly short. Places where a joint changes its direction are ends of cells. Raises BellcrankError.
     """
     r = _first_cells(path)
+    known = KnownPlaces(lambda s: limits.places(path, s))
     timing = None
-    for _ in range(MOST_PASSES):
+    for number in range(MOST_PASSES):
         places = np.empty(2 * len(r) - 1)
         places[::2], places[1::2] = r, (r[1:] + r[:-1]) / 2.0
         s = path.length * _share(places)
         short = np.where(np.diff(r) <= NARROW, 1, np.where(np.diff(s[::2]) <= NEAR_REST * path.length, 2, 0))
         slope = path.length * _slope(places)
-        arrays = limits.at(path, s)
+        arrays = limits.at_places(known.at(s))
         found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS)
         _refuse_failure(found, path, limits, s[::2])
         timing = _timing(s[::2], found)
@@ -120,8 +123,8 @@ def fastest_refined(
         stops = timing.speed[1:-1] == 0.0
         halved[1:] |= stops & (short[1:] == 0)
         halved[:-1] |= stops & (short[:-1] == 0)
-        if not halved.any() and not stops.any():
-            halved = _exceeding(timing, path, limits) & (short == 0)
+        if not stops.any() and (not halved.any() or number % CHECKED_EVERY == CHECKED_EVERY - 1):
+            halved |= _exceeding(timing, path, limits) & (short == 0)
         if progress is not None:
             progress(len(r) - 1, timing.duration)
         if not halved.any():
@@ -158,13 +161,13 @@ def _exceeding(timing: PathTiming, path: JointPath, limits: PathLimits) -> NDArr
     bad = np.zeros(len(timing.begin), dtype=np.bool_)
     for share in (0.1, 0.3, 0.7, 0.9):
         s, speed, acceleration = timing.within(share)
-        places = np.clip(s, 0.0, path.length)
+        places = limits.places(path, np.clip(s, 0.0, path.length))
         over = excess(
-            limits.at(path, places),
+            limits.at_places(places),
             np.ascontiguousarray(np.maximum(speed, 0.0)),
             np.ascontiguousarray(acceleration),
         )
-        bad |= (over > CHECKED_EXCESS) | (speed > limits.fastest(path, places) * (1.0 + CHECKED_EXCESS))
+        bad |= (over > CHECKED_EXCESS) | (speed > limits.fastest_at(places) * (1.0 + CHECKED_EXCESS))
     return bad
 
 

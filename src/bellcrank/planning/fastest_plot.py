@@ -22,24 +22,26 @@ def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     s, speed = result.s, result.speed
     phase.plot(s, np.minimum(result.largest_speed, 1.6 * speed.max()), color="0.6", lw=1.0,
                label="largest speed from which the end is reached")  # fmt: skip
-    names = list(dict.fromkeys(name for name in result.active))
-    for number, name in enumerate(sorted(names, key=lambda name: name == "")):
+    listed = [cost.limit for cost in result.costs]
+    names = list(dict.fromkeys([*listed, *sorted(result.active, key=lambda name: name == "")]))
+    for number, name in enumerate(names):
         cells = np.array([own == name for own in result.active])
         drawn = np.full(len(s), np.nan)
         lines = np.column_stack([speed[:-1], speed[1:]])
         drawn[:-1][cells] = lines[cells, 0]
         drawn[1:][cells] = lines[cells, 1]
         phase.plot(s, drawn, color="0.3" if name == "" else colour(number), lw=2.0,
-                   label=literal(name or "no limit active"))  # fmt: skip
+                   label=None if name in listed else literal(name or "no limit active"))  # fmt: skip
     phase.set_ylim(0.0, 1.1 * float(speed.max()))
     phase.set_xlabel("path parameter s")
     phase.set_ylabel("path speed ds/dt [1/s]")
     phase.set_title(literal(f"{result.robot} along {result.path}: {result.duration:.4g} s"))
-    phase.legend(loc="best", fontsize=8)
+    phase.legend(loc="lower center", fontsize=8)
     phase.grid(True, alpha=0.3)
-    names_costs = [cost.limit for cost in result.costs][::-1]
-    times.barh(range(len(names_costs)), [100.0 * cost.share for cost in result.costs][::-1], color=colour(0))
-    times.set_yticks(range(len(names_costs)), [literal(name) for name in names_costs], fontsize=8)
+    for number, cost in enumerate(result.costs):
+        times.barh(number, 100.0 * cost.share, color=colour(number))
+    times.invert_yaxis()
+    times.set_yticks(range(len(listed)), [literal(name) for name in listed], fontsize=8)
     times.set_xlabel("active during [% of the time]")
     times.grid(True, axis="x", alpha=0.3)
     return write_figure(figure, path)

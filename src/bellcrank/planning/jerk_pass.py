@@ -21,6 +21,7 @@ from bellcrank.planning.jerk_limits import JerkLimits
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.path_limits import PathLimits
 from bellcrank.planning.squared_speed import PLACES, SquaredSpeedSpline
+from bellcrank.robot.joints import one_degree_columns
 
 Array = NDArray[np.float64]
 FIRST_CELLS, FIRST_CELLS_A_KNOT, MOST_FIRST_CELLS = 100, 12, 1500
@@ -139,22 +140,23 @@ def jerk_limited(
 
 
 def jerk_excess(motion: Motion, most: Array) -> float:
-    """The largest share by which a joint's jerk exceeds its limit (nv,) along the quintics of a motion; for joints with
-    one degree of freedom.
+    """The largest share by which a joint's jerk exceeds its limit (nv,) along the quintics of a motion. Joints of
+    several degrees of freedom have no such limit.
     """
+    positions, rates = one_degree_columns(motion.joints)
     step = np.diff(motion.time)
     wide = np.flatnonzero(step > 0.0)
     t = step[wide, None]
-    length = motion.position[wide + 1] - motion.position[wide]
-    v0, v1 = motion.velocity[wide] * t, motion.velocity[wide + 1] * t
-    a0, a1 = motion.acceleration[wide] * t * t, motion.acceleration[wide + 1] * t * t
+    q, v, a = motion.position[:, positions], motion.velocity[:, rates], motion.acceleration[:, rates]
+    length = q[wide + 1] - q[wide]
+    v0, v1, a0, a1 = v[wide] * t, v[wide + 1] * t, a[wide] * t * t, a[wide + 1] * t * t
     c3 = 10.0 * length - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
     c4 = -15.0 * length + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
     c5 = 6.0 * length - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
     worst = -1.0
     for share in np.linspace(0.0, 1.0, 11):
         jerk = np.abs(6.0 * c3 + 24.0 * c4 * share + 60.0 * c5 * share**2) / t**3
-        worst = max(worst, float(np.max(jerk / most)) - 1.0)
+        worst = max(worst, float(np.max(jerk / most[rates])) - 1.0)
     return worst
 
 
@@ -230,8 +232,9 @@ def _slow_start(problem: InteriorPoint, spline: SquaredSpeedSpline) -> Array:
 
 def _shortest(path: JointPath, limits: PathLimits) -> float:
     """The time of a cell, s, below which rounding of positions spoils the jerk of a quintic in time: by 1e-4."""
-    size = np.max(np.abs(path.spline(np.linspace(0.0, path.length, 101), 0)), axis=0)
-    return float(np.max(np.cbrt(NOISE * size / limits.largest_jerk)))
+    positions, rates = one_degree_columns(path.joints)
+    size = np.max(np.abs(path.spline(np.linspace(0.0, path.length, 101), 0)[:, positions]), axis=0)
+    return float(np.max(np.cbrt(NOISE * size / limits.largest_jerk[rates])))
 
 
 def _halved(

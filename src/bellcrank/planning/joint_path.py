@@ -15,7 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.blends import blended, straight
 from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.motion import AT_REST
-from bellcrank.robot.joints import JointLike, quaternion_part, require_one_degree
+from bellcrank.robot.joints import JointLike, one_degree_columns, quaternion_part, require_one_degree
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Spline = Callable[[Array, int], Array]
 POINTS = 401  # of a path that is taken from a motion, to begin with
 MOST_POINTS = 6401
+STILL = 1e-9  # of the largest rate of a joint: smaller ones are rounding, as of a joint that a linkage holds still
+BISECTIONS = 60
 THIRD = 1e-6  # of a path with blends: step of the differences that give its third derivative
 DEVIATION = 1e-8  # rad or m: by which a path may differ from the motion that it is taken from
 
@@ -37,7 +39,8 @@ class JointPath:
         joints: The robot's joints.
         length: The end of the path parameter.
         spline: Called with s (n,) and the order 0 to 3: positions (n, nq), or velocities, accelerations or
-            jerks (n, nv) of a motion along the path at ds/dt = 1.
+            jerks (n, nv) of a motion along the path at ds/dt = 1. The jerk of a joint of several degrees of freedom is
+            not defined: NaN.
         knots: Values of s at which the third derivative may jump, the ends included.
         deviation: By how much the path differs from the motion that it is taken from, rad or m.
 
@@ -90,23 +93,26 @@ class JointPath:
             array([1.])
         """
         s = np.linspace(0.0, self.length, 50 * max(20, len(self.knots)) + 1)
-        first = self.spline(s, 1)
-        found: list[float] = []
-        for column in range(first.shape[1]):
-            rate = first[:, column]
-            for k in np.flatnonzero(rate[:-1] * rate[1:] < 0.0):
-                found.append(self._root(column, s[k], s[k + 1]))
-            inside = np.flatnonzero(rate[1:-1] == 0.0) + 1
-            found += [float(s[k]) for k in inside if rate[k - 1] * rate[k + 1] < 0.0]
-        return np.unique([x for x in found if 0.0 < x < self.length])
+        rate = self.spline(s, 1)
+        still = np.abs(rate) <= STILL * np.max(np.abs(rate), initial=0.0)
+        turns = (rate[:-1] * rate[1:] < 0.0) & ~(still[:-1] & still[1:])
+        interval, column = np.nonzero(turns)
+        found = [self._roots(column, s[interval], s[interval + 1])]
+        for k in range(rate.shape[1]):
+            inside = np.flatnonzero(rate[1:-1, k] == 0.0) + 1
+            found.append(s[inside[rate[inside - 1, k] * rate[inside + 1, k] < 0.0]])
+        roots = np.unique(np.concatenate(found))
+        return np.asarray(roots[(roots > 0.0) & (roots < self.length)])
 
-    def _root(self, column: int, low: float, high: float) -> float:
-        from scipy.optimize import brentq
-
-        def rate(s: float) -> float:
-            return float(self.spline(np.array([s]), 1)[0, column])
-
-        return float(brentq(rate, low, high, xtol=1e-15 * self.length, rtol=1e-15))
+    def _roots(self, column: NDArray[np.intp], low: Array, high: Array) -> Array:
+        """The places (m,) between low and high at which joints change their directions, by bisection."""
+        rows = np.arange(len(column))
+        before = self.spline(low, 1)[rows, column]
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            here = self.spline(middle, 1)[rows, column] * before > 0.0
+            low, high = np.where(here, middle, low), np.where(here, high, middle)
+        return np.asarray(0.5 * (low + high))
 
 
 def joint_path(
@@ -265,11 +271,15 @@ def _interpolated(motion: Motion, begin: float, end: float, count: int) -> Joint
     through *= continuous(motion.joints, through)
     spline = make_interp_spline(places, through, k=5)
 
+    positions, rates = one_degree_columns(motion.joints)
+
     def at(s: Array, order: int) -> Array:
         if all(joint.nq == 1 for joint in motion.joints):
             return np.asarray(spline(s, nu=order))
         if order > 2:
-            raise InputError("a limit of jerk requires joints with one degree of freedom")
+            third = np.full((len(s), sum(joint.nv for joint in motion.joints)), np.nan)
+            third[:, rates] = np.asarray(spline(s, nu=order))[:, positions]
+            return third
         return from_rates(motion.joints, *(np.asarray(spline(s, nu=k)) for k in (0, 1, 2)))[order]
 
     between = (places[1:] + places[:-1]) / 2.0

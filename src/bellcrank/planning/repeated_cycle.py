@@ -19,7 +19,8 @@ from bellcrank.planning.cycle_loads import MotorCycle, motor_cycles
 from bellcrank.planning.cycle_result import LIMITS, By, Limit, RepeatedCycle
 from bellcrank.planning.speed_scaling import scaled_motion
 from bellcrank.robot.payload import Payload
-from bellcrank.sizing.size import sizing_subject
+from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.subject import sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -119,7 +120,7 @@ def repeated_cycle(
         joint=joint,
         original_uses=uses,
         uses=final,
-        warnings=_warnings(given, mechanism, {*uses}, unknown, limit),
+        warnings=(*subject.notes, *_warnings(given, mechanism, {*uses}, unknown, limit)),
     )
 
 
@@ -226,7 +227,7 @@ def _nothing_known(limit: Limit, actuators: Mapping[str, Actuator]) -> str:
 def _warnings(
     motion: Motion, mechanism: Mechanism, known: set[str], unknown: list[str], limit: Limit
 ) -> tuple[str, ...]:
-    found = list(motion.warnings)
+    found = motion_warnings(mechanism, [motion])
     missing = [joint.name for joint in mechanism.motors if joint.name not in known and joint.name not in unknown]
     if unknown:
         found.append(f"the limit of the {LIMITS[limit]} is unknown of the motors at {', '.join(unknown)}: left out")

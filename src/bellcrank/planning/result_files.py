@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
-from bellcrank.files import atomic_write
+from bellcrank.files import atomic_write, json_files
 from bellcrank.plot_style import DPI, save_figure
 
 if TYPE_CHECKING:
@@ -17,9 +16,7 @@ if TYPE_CHECKING:
 
 def write_json(content: Mapping[str, Any], path: str | Path) -> Path:
     """Write data as JSON and return the path. Raises InputError where the file cannot be written."""
-    target = arguments.path("path", path)
-    atomic_write.write_text(target, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
-    return target
+    return json_files.write_json(arguments.path("path", path), content, indent=2)
 
 
 def write_figure(figure: Figure, path: str | Path) -> Path:

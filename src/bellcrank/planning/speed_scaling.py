@@ -27,7 +27,8 @@ from bellcrank.motion.motion import Motion
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import PathLimits
 from bellcrank.robot.payload import Payload
-from bellcrank.sizing.size import sizing_subject
+from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.subject import sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -203,7 +204,7 @@ def speed_factor(
         time=float(time[place]),
         factors=factors,
         uses=_uses(bounds, factors, (q, v, a), speeds),
-        warnings=tuple(dict.fromkeys([*bounds.notes, *given.warnings])),
+        warnings=tuple(dict.fromkeys([*subject.notes, *bounds.notes, *motion_warnings(subject.mechanism, [given])])),
     )
 
 
@@ -243,7 +244,7 @@ def _uses(
     found: dict[str, Array] = {}
     still = np.zeros(len(q))
     for group in dict.fromkeys(name.group for name in bounds.names):
-        alone = replace(bounds, only=group, notes=[])
+        alone = replace(bounds, only=group)
         arrays = alone.of_motion(q, v, a)
         found[group] = np.array([1.0 + np.max(excess(arrays, np.full(len(q), k), still)) for k in factors])
     for name, largest in speeds:

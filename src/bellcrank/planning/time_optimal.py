@@ -12,21 +12,22 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import bounds_at
-from bellcrank._planner import excess as exceeded
 from bellcrank.dynamics.mechanism import Mechanism
-from bellcrank.errors import BellcrankError, InputError
+from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
+from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.motion import Motion, join
-from bellcrank.planning.fastest_motion import FastestMotion, LimitCost, shares
-from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_grid, fastest_refined
-from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
+from bellcrank.planning.fastest_motion import FastestMotion
+from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid, fastest_refined
+from bellcrank.planning.jerk_pass import JerkTiming, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
+from bellcrank.planning.limit_costs import active_limits, limit_costs
 from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.motion_rows import SHORTEST, motion_rows
-from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.path_limits import FASTEST, PathLimits
+from bellcrank.planning.timed_motion import limit_excess, take_grid, time_above, timed_motion
 from bellcrank.robot.payload import Payload
-from bellcrank.sizing.size import sizing_subject
+from bellcrank.sizing.subject import SizingSubject, sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -34,15 +35,10 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
-KEPT = 7e-7  # share of a limit: no better rows are looked for
-TOLD, TOLD_ON_GRID = 1e-5, 1e-3  # share of a limit: a larger excess is told
+TOLD, TOLD_ON_GRID = 1e-6, 1e-3  # share of a limit: a larger excess is told
+SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
 COARSE_CELLS = 100
 CREEP = 1e-3  # of the largest path speed
-COST_CELLS = 500  # of the grid on which the costs of limits are computed
-COST_STEP = 1e-3  # relative change of a limit
-NO_COST = 1e-6  # relative: a limit of smaller derivative that is nowhere the most costly one is left out
-TOLD_OF_JERK = 1e-3
 
 
 def time_optimal(
@@ -97,7 +93,8 @@ def time_optimal(
     if grid is not None:
         grid = arguments.whole("grid", grid, least=2, most=1_000_000)
     arguments.flag("costs", costs)
-    name, original, paths, bounds = _subject(robot, path, limits, (payloads, trust, overrides))
+    subject, original, paths = _subject(robot, path, (payloads, trust, overrides))
+    bounds = PathLimits(subject.mechanism, subject.actuators, limits)
     if grid and bounds.jerk_groups:
         raise InputError("argument 'grid': limits of jerk need cells that adapt themselves; leave the grid out")
     timings: list[PathTiming | JerkTiming] = []
@@ -112,36 +109,46 @@ def time_optimal(
             continue
         careful = replace(bounds, creep=CREEP * float(coarse.speed.max()))
         timings.append(fastest_refined(one, careful, progress))
-        bounds.notes.extend(careful.notes)
+    _check_speeds(paths, timings)
     title = "path" if original is None else original.name
-    parts = [_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
-    motion = join(*parts, name=f"fastest {title}")
-    active = tuple(label for one, t in zip(paths, timings, strict=True) for label in _labels(bounds, one, t))
-    excess = _excess(bounds, motion)
+    parts = [timed_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
+    coarse_parts = [] if grid else take_grid(paths, timings, parts, bounds)
+    motion = join(*(part.motion for part in parts), name=f"fastest {title}")
+    active = tuple(label for one, t in zip(paths, timings, strict=True) for label in active_limits(bounds, one, t))
+    excess = limit_excess(bounds, motion)
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
-        robot=name,
+        robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
         path=title,
         motion=motion,
         original_duration=np.nan if original is None else original.duration,
         s=_chained([t.s for t in timings]),
-        speed=_joined([t.speed for t in timings]),
+        speed=_joined([t.speed * part.factor for t, part in zip(timings, parts, strict=True)]),
         largest_speed=_joined([t.fastest for t in timings]),
-        time=_chained([np.concatenate([[0.0], np.cumsum(own)]) for own in durations]),
+        time=_chained(
+            [np.concatenate([[0.0], np.cumsum(t) / part.factor]) for t, part in zip(durations, parts, strict=True)]
+        ),
         active=active,
-        costs=_all_costs(bounds, paths, timings, active, costs),
+        costs=limit_costs(bounds, paths, timings, active, costs),
         excess=excess,
-        refined=grid is None,
+        refined=grid is None and not coarse_parts,
         mechanism=bounds.mechanism,
         actuators=bounds.actuators,
-        warnings=(*_warnings(bounds, original, paths, timings, motion), *_excess_warning(excess, bounds, grid is None)),
+        warnings=(
+            *subject.notes,
+            *_warnings(bounds, original, paths, timings, motion),
+            *coarse_parts,
+            *_excess_warning(
+                excess, min(part.factor for part in parts), grid is None, lambda: time_above(bounds, motion, TOLD)
+            ),
+        ),
     )
 
 
 def _subject(
-    robot: Any, path: Any, limits: MotionLimits, changes: tuple[Iterable[Payload], Trust, Mapping[str, Any] | None]
-) -> tuple[str, Motion | None, tuple[JointPath, ...], PathLimits]:
-    """The robot's name, the motion that gives the path, the paths, and the limits along them."""
+    robot: Any, path: Any, changes: tuple[Iterable[Payload], Trust, Mapping[str, Any] | None]
+) -> tuple[SizingSubject, Motion | None, tuple[JointPath, ...]]:
+    """The mechanism with its configuration, the motion that gives the path, and the paths."""
     payloads, trust, overrides = changes
     motion = None
     if isinstance(path, JointPath):
@@ -174,8 +181,7 @@ def _subject(
         if not mechanism.closed:
             one_degree_joints(mechanism.robot)
         paths = paths_of_motion(motion)
-    name = mechanism.robot.name if subject.config is None else subject.config.name
-    return name, motion, paths, PathLimits(mechanism, subject.actuators, limits)
+    return subject, motion, paths
 
 
 def _placeholder(path: JointPath) -> Motion:
@@ -217,84 +223,15 @@ def _check_limited(bounds: PathLimits, path: JointPath) -> None:
         )
 
 
-def _motion(path: JointPath, timing: PathTiming | JerkTiming, bounds: PathLimits, refined: bool) -> Motion:
-    """The motion of the joints along one path, with the rows between which it exceeds the limits least."""
-    if isinstance(timing, JerkTiming):
-        return timing.motion("part")
-    best, least = _sampled(path, timing, SHORTEST[0]), np.inf
-    for shortest in SHORTEST if refined else ():
-        motion = _sampled(path, timing, shortest)
-        if (excess := _excess(bounds, motion)) < least:
-            best, least = motion, excess
-        if least <= KEPT:
-            break
-    return best
-
-
-def _sampled(path: JointPath, timing: PathTiming, shortest: float) -> Motion:
-    rows = np.array(motion_rows(timing, shortest))
-    q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
-    y, u = rows[:, 2:3], rows[:, 3:4]
-    return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, "part")
-
-
-def _labels(bounds: PathLimits, path: JointPath, timing: PathTiming | JerkTiming) -> Sequence[str]:
-    """The active limit of each cell."""
-    if isinstance(timing, JerkTiming):
-        return timing.active
-    middle = (timing.s[1:] + timing.s[:-1]) / 2.0
-    speeds = bounds.speed_limits(*(path.spline(middle, order) for order in (0, 1, 2)))
-    tightest = np.argmin(np.stack([value for _, value in speeds]), axis=0) if speeds else np.zeros(len(middle), int)
-    return [
-        bounds.names[row].group
-        if row >= 0
-        else speeds[int(tightest[k])][0].group
-        if row == SPEED_LIMIT and speeds
-        else ""
-        for k, row in enumerate(timing.active.tolist())
-    ]
-
-
-def _all_costs(
-    bounds: PathLimits,
-    paths: Sequence[JointPath],
-    timings: Sequence[PathTiming | JerkTiming],
-    active: tuple[str, ...],
-    derivatives: bool,
-) -> tuple[LimitCost, ...]:
-    durations = np.concatenate([np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings])
-    smooth = [timing for timing in timings if isinstance(timing, JerkTiming)]
-    if not smooth:
-        return _costs(bounds, paths, active, durations, derivatives)
-    share, whole = shares(active, durations), float(np.sum(durations))
-    groups = {group: sum(timing.derivatives.get(group, 0.0) for timing in smooth) / whole
-              for timing in smooth for group in timing.derivatives}  # fmt: skip
-    listed = sorted(groups, key=lambda group: -share.get(group, 0.0))
-    return tuple(
-        LimitCost(group, share.get(group, 0.0), groups[group] if derivatives else np.nan)
-        for group in listed
-        if group in share or abs(groups[group]) > NO_COST
-    )
-
-
-def _costs(
-    bounds: PathLimits, paths: Sequence[JointPath], active: tuple[str, ...], durations: Array, derivatives: bool
-) -> tuple[LimitCost, ...]:
-    """The cost of each active limit; derivatives by central differences on a fixed grid."""
-    found = []
-    for name, share in shares(active, durations).items():
-        derivative = np.nan
-        if derivatives:
-            times = []
-            for factor in (1.0 - COST_STEP, 1.0 + COST_STEP):
-                changed = replace(bounds, factors={name: factor}, notes=[])
-                try:
-                    times.append(sum(fastest_on_grid(one, changed, COST_CELLS).duration for one in paths))
-                except BellcrankError:  # a smaller limit cannot be kept
-                    times.append(np.nan)
-            derivative = (times[1] - times[0]) / (2.0 * COST_STEP * 0.5 * (times[0] + times[1]))
-        found.append(LimitCost(name, share, float(derivative)))
-    return tuple(found)
+def _check_speeds(paths: Sequence[JointPath], timings: Sequence[PathTiming | JerkTiming]) -> None:
+    """Raise InputError where the path speed reaches the largest one that is looked for."""
+    for path, timing in zip(paths, timings, strict=True):
+        if isinstance(timing, PathTiming) and np.any(free := timing.speed >= FASTEST * (1.0 - 1e-9)):
+            place = 100.0 * float(timing.s[int(np.argmax(free))]) / path.length
+            raise InputError(
+                f"nothing limits the motion at {place:.3g} % of the path, or its limits are too large: the path speed "
+                f"exceeds {FASTEST:.0e}; give limits of speed, or of torque or acceleration of what moves there"
+            )
 
 
 def _warnings(
@@ -309,8 +246,9 @@ def _warnings(
     free = [joint.name for joint in bounds.mechanism.motors if joint.name not in limited]
     if free:
         found.append(f"no torque limits the motors at {', '.join(free)}: none is known")
+    found += mechanism_notes(bounds.mechanism)
     if original is not None:
-        found += original.notes
+        found += [*original.notes, *motion_notes(bounds.mechanism, original)]
         if len(paths) > 1:
             found.append(f"the path has {len(paths)} parts with a stop between them, because motion '{original.name}' "
                          "stops there; its pauses are left out")  # fmt: skip
@@ -331,35 +269,22 @@ def _warnings(
     return tuple(dict.fromkeys(found))
 
 
-def _excess(bounds: PathLimits, motion: Motion) -> float:
-    """The largest share by which a motion exceeds a limit, at its rows and between them."""
-    step = np.diff(motion.time)
-    wide = np.flatnonzero(step > 0.0)
-    worst = -np.inf
-    for share in CHECKED_SHARES:
-        time = motion.time[wide] + share * step[wide]
-        q, v, a = motion.at(time, side="after" if share < 1.0 else "before")
-        over = exceeded(bounds.of_motion(q, v, a), np.ones(len(q)), np.zeros(len(q)))
-        worst = max(worst, float(np.max(over)), bounds.excess_of_curves(q, v, a))
-        for _, speeds in bounds.speed_limits(q, v):
-            worst = max(worst, float(np.max(1.0 / speeds)) - 1.0)
-    if bounds.jerk_groups:
-        worst = max(worst, jerk_excess(motion, bounds.largest_jerk))
-    return worst
-
-
-def _excess_warning(excess: float, bounds: PathLimits, refined: bool) -> tuple[str, ...]:
-    if excess <= (TOLD_OF_JERK if bounds.jerk_groups else TOLD if refined else TOLD_ON_GRID):
-        return ()
-    if bounds.jerk_groups:
-        return (
-            f"the motion exceeds a limit by up to {100.0 * excess:.2g} % between its rows; limits of jerk that are "
-            "reached for an instant only are better left out",
+def _excess_warning(excess: float, factor: float, refined: bool, time_above: Callable[[], float]) -> tuple[str, ...]:
+    """What to say of a motion that is slower than its limits allow, or exceeds one; and for how long it does."""
+    found: list[str] = []
+    if factor < 1.0 - SLOWER:
+        slower = 100.0 * (1.0 - factor)
+        found.append(
+            f"the motion is slower by {slower:.2g} % than the limits allow, so that it keeps them between rows"
         )
-    return (
-        f"the motion exceeds a limit by up to {100.0 * excess:.2g} % "
-        + ("for a few microseconds, where the acceleration changes" if refined else "between the cells of the grid"),
-    )
+    if excess <= (TOLD if refined else TOLD_ON_GRID):
+        return tuple(found)
+    told = f"the motion exceeds a limit by up to {100.0 * excess:.2g} %"
+    if not refined:
+        return (*found, f"{told} between the cells of the grid")
+    time = time_above()
+    return (*found, f"{told}, and by more than {100.0 * TOLD:.2g} % for {time:.2g} s in all" if time > 0.0 else
+            f"{told} for an instant, where the acceleration changes")  # fmt: skip
 
 
 def _chained(parts: Sequence[Array]) -> Array:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from bellcrank import arguments
 from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.access import Trust, for_files_only
 from bellcrank.files.temporaries import new_folder
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
@@ -58,6 +59,7 @@ def replay(
     detail: Detail = "reduced",
     title: str | None = None,
     plots: bool = True,
+    trust: Trust = (),
 ) -> Path | NotebookPage:
     """Write one HTML page that plays a run, motion, sizing or selection, and needs no server, network or other file.
 
@@ -76,6 +78,7 @@ def replay(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
+        trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
         The path of the page; in a notebook without `path`, the page itself, which the notebook displays.
@@ -94,7 +97,7 @@ def replay(
         >>> "<title>Pendulum</title>" in page.read_text(encoding="utf-8")
         True
     """
-    loaded = load_source(source)
+    loaded = load_source(source, trust=trust)
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     arguments.flag("plots", plots)
@@ -113,6 +116,7 @@ def show(
     detail: Detail = "reduced",
     title: str | None = None,
     plots: bool = True,
+    trust: Trust = (),
 ) -> Path:
     """Write a replay to a temporary file and open it in the web browser.
 
@@ -123,6 +127,7 @@ def show(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
+        trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
         The path of the temporary file.
@@ -136,7 +141,7 @@ def show(
         >>> run = bc.simulate("pendulum")
         >>> bc.show(run)  # opens a browser  # doctest: +SKIP
     """
-    loaded = load_source(source, "show")
+    loaded = load_source(source, "show", trust)
     target = new_folder("show") / f"{file_name(source_name(loaded))}.html"
     written = replay(loaded, target, robot=robot, trace=trace, detail=detail, title=title, plots=plots)
     assert isinstance(written, Path)
@@ -207,25 +212,31 @@ def find_run(path: str | Path) -> Path:
                 f"path, such as {blocks}"
             )
         return blocks
-    if (file / "sizing.json").is_file():
+    kinds = {"sizing": "sizing.json", "selection": "selection.json"}
+    if kind := next((kind for kind, name in kinds.items() if (file / name).is_file()), None):
         raise InputError(
-            f"{file}: this folder holds the results of a sizing, not its motions; name the configuration or URDF that "
-            "was sized"
+            f"{file}: this folder holds the results of a {kind}, not its motions; name the configuration or URDF that "
+            "it is of"
         )
     if not (file / "run.npz").is_file():
         raise InputError(f"{file}: there is no run.npz in this folder; `bellcrank simulate SCENE` writes one")
     return file / "run.npz"
 
 
-def load_source(source: Any, caller: str = "replay") -> Trajectory | Motion | FastestMotion | Sizing | Selection:
-    """A run, motion, sizing or selection; a path is read. Raises InputError, which names the caller."""
+def load_source(
+    source: Any, caller: str = "replay", trust: Trust = ()
+) -> Trajectory | Motion | FastestMotion | Sizing | Selection:
+    """A run, motion, sizing or selection; a path is read, with trusted folders. Raises InputError, which names the
+    caller.
+    """
     kinds = "a run, a motion, a fastest motion, a sizing, a selection, or the path of a run"
-    if isinstance(source, (Motion, FastestMotion, Sizing, Selection)):
-        return source
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
-        return load_run(find_run(arguments.path("source", source, kinds)))
+        return load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
+    for_files_only(trust, "source", "load_run")
+    if isinstance(source, (Motion, FastestMotion, Sizing, Selection)):
+        return source
     from bellcrank.simulation.trajectory import Trajectory
 
     if isinstance(source, Trajectory):

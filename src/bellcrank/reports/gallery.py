@@ -8,7 +8,8 @@ from html import escape
 from urllib.parse import quote
 
 _STYLE = """
-body { margin: 0; padding: 1.5rem; font: 16px/1.5 system-ui, sans-serif; color: #1b2430; background: #f4f6f9; }
+body { margin: 0; padding: clamp(.75rem, 4vw, 1.5rem); font: 16px/1.5 system-ui, sans-serif;
+  color: #1b2430; background: #f4f6f9; }
 main { display: grid; gap: 1.25rem; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); }
 article { background: white; border: 1px solid #d5dbe3; border-radius: .6rem; overflow: hidden; }
 iframe { width: 100%; height: 26rem; border: 0; border-bottom: 1px solid #d5dbe3; display: block; }

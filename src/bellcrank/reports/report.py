@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from bellcrank import arguments
 from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import InputError
-from bellcrank.files.access import Trust
+from bellcrank.files.access import Trust, for_files_only
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.geometry.meshes import Detail
@@ -79,8 +79,8 @@ def report(
 
         kinds = "a run, a sizing, a selection, or the path of a run"
         given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
-    elif arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
-        raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_run")
+    else:
+        for_files_only(trust, "source", "load_run")
     result = load_source(given, "report")
     if isinstance(result, FastestMotion):
         raise InputError("a fastest motion has no report: bc.replay shows it, and bc.size makes a sizing of its motion")
@@ -110,8 +110,7 @@ def _report_sweep(
     from bellcrank.reports.study_report import write_study
 
     trace, detail, trust = options
-    if arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
-        raise InputError("argument 'trust': it is for files, and 'source' is loaded already; give it to load_scene")
+    for_files_only(trust, "source", "load_scene")
     arguments.one_of("detail", detail, ("reduced", "full"))
     return write_study(
         sweep,

@@ -11,6 +11,7 @@ from bellcrank.files import bundled_data
 from bellcrank.files.bundled_data import example_folders
 from bellcrank.messages import unknown_name
 
+SUFFIXES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")  # of robot files
 # Names that people use for what example-robot-data files under another name.
 SHORT_NAMES = {
     "allegro_left": "allegro_hand_description/urdf/allegro_left_hand.urdf",
@@ -57,12 +58,12 @@ def find_urdf(name_or_path: str | Path) -> Path:
         known = find_named(given)
         if known is not None:
             return known
-        if path.suffix != ".urdf" and Path(given).name == given and not folder:
+        if path.suffix not in SUFFIXES and Path(given).name == given and not folder:
             more = "" if list(example_folders()) else "; more robots come with: pip install example-robot-data"
             raise InputError(unknown_name("robot", given, names()) + more)
     if folder:
         raise InputError(f"{given}: is a folder; name the URDF file in it")
-    raise InputError(f"{given}: no such file; give the path of a URDF file or the name of a robot, such as planar_2r")
+    raise InputError(f"{given}: no such file; give the path of a robot file or the name of a robot, such as planar_2r")
 
 
 def find_named(name: str) -> Path | None:

@@ -127,6 +127,12 @@ def require_one_degree(joint: RobotJoint, what: str) -> RobotJoint:
     return joint
 
 
+def one_degree_columns(joints: Iterable[JointLike]) -> tuple[list[int], list[int]]:
+    """Where the joints with one degree of freedom stand in q and in v."""
+    found = [joint for joint in joints if joint.nv == 1]
+    return [joint.q for joint in found], [joint.v for joint in found]
+
+
 def require_uniform(joint: RobotJoint, what: str) -> RobotJoint:
     """The joint, of which one number can hold for every degree of freedom. Raises InputError as above."""
     return joint if joint.kind == "spherical" else require_one_degree(joint, what)

@@ -115,7 +115,7 @@ def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]
         whole = f"parameters.{'.'.join(keys)}"
         raise InputError(f"'{keys[0]}' is a parameter; write '{keys[0]}' for its value, or '{whole}' for a key of it")
     if keys[0] not in known:
-        raise InputError(_unknown(path, keys[0], [*known, *names]))
+        raise InputError(_unknown(path, keys[0], [*names, *known]))
     return keys
 
 

@@ -278,7 +278,9 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
             if text not in known:
                 near = difflib.get_close_matches(text, known, n=1)
                 hint = f"did you mean '{near[0]}'? " if near else ""
-                raise InputError(f"unknown scene or robot '{text}'; {hint}`bellcrank robots` lists them")
+                raise InputError(
+                    f"unknown scene or robot '{text}', and no file of that name; {hint}`bellcrank robots` lists them"
+                )
     return catalog.find_urdf(path_or_name), True
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 from bellcrank.config.fields import Fields
 from bellcrank.files.access import FileAccess
@@ -12,13 +11,11 @@ from bellcrank.messages import unknown_name
 from bellcrank.robot import catalog
 from bellcrank.text import file_name_here
 
-SUFFIXES: Final = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")
-
 
 def robot_path(fields: Fields) -> Path:
     """The path of the file that the key `urdf` names by a path or by the name of a robot. Raises InputError."""
     text = fields.text("urdf")
-    path_like = Path(text).suffix in SUFFIXES or "/" in text
+    path_like = Path(text).suffix in catalog.SUFFIXES or "/" in text
     named = None if path_like or _is_there(fields.access.folder / file_name_here(text)) else catalog.find_named(text)
     if named is not None:
         return named

@@ -18,10 +18,12 @@ from bellcrank.dynamics.consistent_starts import consistent_postures, consistent
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.elements.parameters import parameter_bounds
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
 from bellcrank.robot.pinocchio_model import LEAST_MASS
 from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 from bellcrank.simulation.prepare_integration import prepare_integration
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
@@ -256,6 +258,7 @@ def prepare(
     max_step: float | None = None,
     max_evaluations: int | None = None,
     stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
+    trust: Trust = (),
 ) -> PreparedSimulation:
     """Prepare a scene for many single runs, such as those of an optimiser.
 
@@ -275,6 +278,7 @@ def prepare(
         max_step: Largest step size, s.
         max_evaluations: A run ends after so many evaluations of the equations.
         stabilisation: How constraints are kept. Automatic gains are chosen once, for the scene as it is.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         A simulation to call.
@@ -288,10 +292,7 @@ def prepare(
         >>> simulate({"crank_length": 1.22})
         PreparedRun(event at 18.5589 s, 2 rows)
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
-    if overrides is not None:
-        scene = scene.with_overrides(overrides)
+    scene = given_scene(scene, overrides, trust)
     given = {
         "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.consistent_start import consistent_start, given_posture, starts_further_away
 from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.controllers import PD
@@ -46,6 +47,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_limits(scene),
         *_targets(scene),
         *_signals(scene, duration),
+        *_paths(scene),
         *_drives(scene, duration),
         *_events(scene),
         *_coupled_motors(scene),
@@ -181,6 +183,13 @@ def _targets(scene: Scene) -> Iterator[str]:
                     f"{robot.lower[j.q]:.6g} to {robot.upper[j.q]:.6g} {unit}"
                     + (f"; were degrees meant? write '{aim:g} deg'" if degrees else "")
                 )
+
+
+def _paths(scene: Scene) -> list[str]:
+    """Motions of the start, of controllers and of constraints whose frame moves along another path than is given."""
+    parts = (*scene.control, *scene.constraints)
+    followed = [scene.initial.motion, *(part.place.raw("motion", None) for part in parts)]
+    return path_notes(scene, [name for name in followed if isinstance(name, str)])
 
 
 def _signals(scene: Scene, duration: float) -> Iterator[str]:

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
-from bellcrank.scene.overrides import EXPECTED_OVERRIDES
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.files.access import Trust
+from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.checkpoints import KEEP_EVERY, CheckpointWriter
 from bellcrank.simulation.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
 
@@ -36,6 +37,7 @@ def simulate(
     keep: str | Path | None = None,
     keep_every: float = KEEP_EVERY,
     sensitivities: Sequence[str] = (),
+    trust: Trust = (),
 ) -> Trajectory:
     """Simulate a scene.
 
@@ -67,6 +69,7 @@ def simulate(
         keep_every: Seconds of computing between two checkpoints.
         sensitivities: What derivatives of the run are wanted by: names of the scene's parameters, "initial.JOINT" and
             "initial.velocity.JOINT" for values of the start. `Trajectory.sensitivity` returns them.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         The run. Its `status` says why it ended; a run that ends early keeps all results until then, with the state at
@@ -83,10 +86,7 @@ def simulate(
         >>> print(f"{lock.name} at {lock.time:.4f} s")
         lock at 12.2678 s
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
-    if overrides is not None and (changed := arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)):
-        scene = scene.with_overrides(changed)
+    scene = given_scene(scene, overrides, trust)
     if progress is not None:
         arguments.function("progress", progress, "a function of the time reached")
     given = {

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from typing import Any
 
-from bellcrank.files.csv_files import guarded
+from bellcrank.files import csv_files
 from bellcrank.sizing.joint_sizing import JointSizing
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
@@ -22,11 +20,7 @@ def csv_text(sizing: Sizing) -> str:
     rows = [_csv_row(joint) for joint in sizing.joints]
     rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor) for motor in sizing.motors]
     rows += [dict.fromkeys(rows[0], "") | _csv_load_row(load) for load in sizing.structure]
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows(guarded(row.values()) for row in rows)
-    return buffer.getvalue()
+    return csv_files.csv_text([rows[0], *(row.values() for row in rows)])
 
 
 def _csv_row(joint: JointSizing) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
@@ -18,7 +17,7 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
 from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
-from bellcrank.files import atomic_write
+from bellcrank.files import atomic_write, json_files
 from bellcrank.files.access import read_text
 from bellcrank.files.csv_files import write_table
 from bellcrank.motion.csv_file import write_motion
@@ -178,7 +177,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         **({"structure": [_load_document(load) for load in sizing.structure]} if sizing.structure else {}),
         **({"motors": [_motor_document(motor) for motor in sizing.motors]} if sizing.motors else {}),
     }
-    return json.dumps(_finite(document), indent=1, allow_nan=False) + "\n"
+    return json_files.json_text(document, ascii_only=True)
 
 
 def _peak(peak: Peak | None) -> dict[str, Any] | None:
@@ -256,11 +255,3 @@ def _actuator_document(actuator: Actuator) -> dict[str, Any]:
     ratings = {entry.name: getattr(actuator, entry.name) for entry in fields(Actuator)}
     document = ratings | {"curve": points and [list(point) for point in points]}
     return document | actuator_data(actuator) if isinstance(actuator, MotorWithGear) else document
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

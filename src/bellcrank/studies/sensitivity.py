@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +12,8 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import guarded
+from bellcrank.files.csv_files import csv_text
+from bellcrank.files.json_files import write_json
 from bellcrank.messages import unknown_name
 from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns
@@ -150,16 +148,15 @@ class Sensitivity(Portable):
             >>> file.read_text().split(",")[:3]
             ['measure', 'parameter', 'first order']
         """
-        target, text = arguments.path("path", path, "the path of a file"), io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(HEAD)
+        target = arguments.path("path", path, "the path of a file")
+        rows: list[Sequence[object]] = [HEAD]
         for name in self.units:
             found = self.indices(name)
             for parameter, first, total in zip(found.parameters, found.first, found.total, strict=True):
                 numbers = [(each.value, *each.interval) for each in (first, total)]
-                cells = [repr(number) if math.isfinite(number) else "" for part in numbers for number in part]
-                writer.writerow([*guarded([name, parameter]), *cells])
-        write_text(target, text.getvalue())
+                cells = [float(number) if math.isfinite(number) else "" for part in numbers for number in part]
+                rows.append([name, parameter, *cells])
+        write_text(target, csv_text(rows))
         return target
 
     def to_json(self, path: str | Path) -> Path:
@@ -190,8 +187,7 @@ class Sensitivity(Portable):
             "units": dict(self.units),
             "indices": {name: _plain(self.indices(name)) for name in self.units},
         }
-        write_text(target, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-        return target
+        return write_json(target, document)
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
         """Draw the indices as bars with their intervals, the most influential parameter on top.

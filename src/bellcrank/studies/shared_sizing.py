@@ -29,7 +29,7 @@ from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.massless_motors import massless_motors
 from bellcrank.sizing.maxima import maxima
 from bellcrank.sizing.motion_grid import grid_along
-from bellcrank.sizing.size import sizing_subject
+from bellcrank.sizing.subject import sizing_subject
 from bellcrank.studies.sizing_axes import Change
 
 if TYPE_CHECKING:

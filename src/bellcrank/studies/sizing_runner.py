@@ -18,7 +18,7 @@ from bellcrank.motion.stretching import stretched
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing, SizingInputs
-from bellcrank.sizing.size import sizing_subject
+from bellcrank.sizing.subject import sizing_subject
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.infeasible_reasons import infeasible_reason

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from bellcrank import arguments
-from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.files.access import Trust
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
 from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
 from bellcrank.studies.execution import Executor
 from bellcrank.studies.executors import choose_executor
@@ -40,6 +42,7 @@ def sweep(
     checking: Callable[[int, int], None] | None = None,
     keep: Callable[[Sweep], object] | None = None,
     keep_every: float = KEEP_EVERY,
+    trust: Trust = (),
 ) -> Sweep:
     """Simulate or size a scene for all combinations of values of its parameters, or for a sample of distributions.
 
@@ -76,6 +79,7 @@ def sweep(
         keep: Called with the sweep of the designs that are done about every `keep_every` s; less often where that takes
             long.
         keep_every: s between two calls of `keep`, and between two checkpoints in `folder`.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         One row a design. Ctrl-C ends the sweep and keeps the designs that are done (`complete` is then false).
@@ -93,10 +97,7 @@ def sweep(
         >>> bool(16.0 < result.column("lock.time").mean() < 16.2)
         True
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(arguments.subject("scene", scene, "a scene"))
-    if overrides is not None:
-        scene = scene.with_overrides(overrides)
+    scene = given_scene(scene, overrides, trust)
     for name, called in (("progress", progress), ("checking", checking), ("keep", keep)):
         if called is not None:
             arguments.function(name, called)

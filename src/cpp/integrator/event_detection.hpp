@@ -7,8 +7,8 @@
 // at the event, so that its time and state are as accurate as those of any step.
 #pragma once
 
-#include "step_size_control.hpp"
 #include "event_sampling.hpp"
+#include "last_step.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -32,11 +32,10 @@ inline bool doubtful(const Shape& shape, int i, const double* v, int depth) {
   return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
 }
 
-template <class Stepper>
 class Events {
  public:
-  Events(Rhs& rhs, Stepper& stepper)
-      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), samples(p_.event_samples == 2 ? 2 : parts),
+  Events(Rhs& rhs, LastStep& last)
+      : rhs_(rhs), p_(rhs.problem), last_(last), samples(p_.event_samples == 2 ? 2 : parts),
         count_(p_.event_count), x_(p_.n + 16), value_(count_), g_((samples + 1) * count_), sign_(count_),
         hint_(count_), unresolved_(count_), in_(x_, rhs) {}
 
@@ -54,18 +53,16 @@ class Events {
   Memory memory(int e) const { return {sign_[e], hint_[e], unresolved_[e]}; }
   void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 
-  // The events of the step just taken.
-  Found search(Record& record) {
+  // The events of the step just taken by `stepper`, which is that of the constructor.
+  template <class Stepper>
+  Found search(Stepper& stepper, Record& record) {
     effort = 0;
-    if (!sample(false)) return Found::failed;
+    std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
+    if (!evaluate(stepper.t, stepper.state(), g_ + samples * count_)) return Found::failed;
+    if (!sample_between(stepper)) return Found::failed;
     bool clear = true;
     for (int e = 0; e < count_ && clear; ++e) clear = keeps_off(e);
-    if (clear) return Found::nothing;
-    if (stepper_.prepare() && !sample(true)) return Found::failed;
-    found_ = 0;
-    for (int e = 0; e < count_; ++e) scan(e, record);
-    if (failed_) return Found::failed;
-    return report(record);
+    return clear ? Found::nothing : search_closely(record);
   }
 
   std::int64_t effort = 0;  // evaluations of g beyond the usual in the last step
@@ -87,7 +84,7 @@ class Events {
 
   Rhs& rhs_;
   const Problem& p_;
-  Stepper& stepper_;
+  LastStep& last_;
   const int samples;  // of a step, its end among them
   int count_;
   Buffer x_, value_, g_;     // g_: samples + 1 rows; the last is the step's end
@@ -101,7 +98,7 @@ class Events {
   bool failed_ = false, missed_ = false, done_ = false;
   double blank_ = INFINITY;  // the first time in this step at which the event scanned is not a number
 
-  double length() const { return stepper_.t - stepper_.t_old; }
+  double length() const { return last_.t - last_.t_old; }
   double g(int sample, int e) const { return g_[sample * count_ + e]; }
 
   bool evaluate(double t, const double* x, double* values) {
@@ -113,22 +110,26 @@ class Events {
 
   // One event function on the step's interpolant.
   double along(int e, double s) {
-    stepper_.sketch(s, x_);
-    if (!evaluate(stepper_.t_old + s * length(), x_, value_)) failed_ = true;
+    last_.sketch(s, x_);
+    if (!evaluate(last_.t_old + s * length(), x_, value_)) failed_ = true;
     return value_[e];
   }
 
   // Samples a finer and a coarser polynomial in turns, so that their error looks like an oscillation.
-  bool sample(bool again) {
-    if (!again) {
-      std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
-      if (!evaluate(stepper_.t, stepper_.state(), g_ + samples * count_)) return false;
-    }
+  template <class Stepper>
+  bool sample_between(Stepper& stepper) {
     for (int i = 1; i < samples; ++i) {
-      stepper_.sketch(at(i), x_, i % 2 == 0);
-      if (!evaluate(stepper_.t_old + length() * at(i), x_, g_ + i * count_)) return false;
+      stepper.sketch(at(i), x_, i % 2 == 0);
+      if (!evaluate(stepper.t_old + length() * at(i), x_, g_ + i * count_)) return false;
     }
     return true;
+  }
+
+  __attribute__((noinline)) Found search_closely(Record& record) {
+    if (last_.prepare() && !sample_between(last_)) return Found::failed;
+    found_ = 0;
+    for (int e = 0; e < count_; ++e) scan(e, record);
+    return failed_ ? Found::failed : report(record);
   }
 
   // Tracks the sign; a value of exactly zero is a crossing and has no sign.
@@ -140,7 +141,6 @@ class Events {
   }
 
   double at(int i) const { return samples == 2 ? 0.5 * i : place[i]; }
-
 
   // Whether one event surely has no crossing in this step, by its samples.
   bool keeps_off(int e) const {
@@ -174,12 +174,12 @@ class Events {
     sign_[e] = now_;
     effort += spent_;
     hint_[e] = oscillating_;
-    if (missed_) ++unresolved_[e], record.unresolved(e, stepper_.t_old);
+    if (missed_) ++unresolved_[e], record.unresolved(e, last_.t_old);
     if (blank_ < INFINITY) record.undefined(e, blank_);
   }
 
   void blank(double value, double s) {
-    if (value != value) blank_ = smaller(blank_, stepper_.t_old + s * length());
+    if (value != value) blank_ = smaller(blank_, last_.t_old + s * length());
   }
 
   // The crossings between a and b, from samples at `place` between them. Where g oscillates here, later intervals of this
@@ -265,12 +265,12 @@ class Events {
   // Bisection for the first time at which g has left its side, over steps that end there. The dense output, which gave a
   // and b, is less accurate than these steps, so the interval is widened until it contains the time.
   double earliest(int e, int before, double a, double b, double* x) {
-    const double start = stepper_.t_old, h = length();
+    const double start = last_.t_old, h = length();
     const std::size_t bytes = p_.n * sizeof(double);
     double room = larger(b - a, 1e-12);
     while (b < 1 && stays(e, before, b)) a = b, b = smaller(1, b + room), room *= 4;
     while (a > 0 && !stays(e, before, a)) b = a, a = larger(0, a - room), room *= 4;
-    if (stepper_.redo(b * h, x_)) std::memcpy(x, x_, bytes);
+    if (last_.redo(b * h, x_)) std::memcpy(x, x_, bytes);
     while (b - a > least()) {
       const double s = 0.5 * (a + b);
       if (stays(e, before, s)) a = s;
@@ -281,13 +281,13 @@ class Events {
 
   // Whether g is on the side `before` after a step to s, whose state is then x_; true where that is not finite.
   bool stays(int e, int before, double s) {
-    if (!stepper_.redo(s * length(), x_)) return true;
-    if (!evaluate(stepper_.t_old + s * length(), x_, value_)) failed_ = true;
+    if (!last_.redo(s * length(), x_)) return true;
+    if (!evaluate(last_.t_old + s * length(), x_, value_)) failed_ = true;
     return sign(value_[e]) == before;
   }
 
   // Rounding of the time, as a fraction of the step.
-  double least() const { return larger(2 * spacing(stepper_.t) / length(), 1e-16); }
+  double least() const { return larger(2 * spacing(last_.t) / length(), 1e-16); }
 
   // A bracketed root: T. R. Chandrupatla, Adv. Eng. Software 28 (1997) 145-149.
   double root(int e, double a, double at_a, double b, double at_b) {
@@ -313,16 +313,16 @@ class Events {
 
   // Corrects a root on the dense output by secant iterations over steps that end there; leaves the state at the event.
   double refined(int e, double s, double interval, double* x) {
-    const double start = stepper_.t_old, h = length(), ulp = spacing(stepper_.t);
+    const double start = last_.t_old, h = length(), ulp = spacing(last_.t);
     const std::size_t bytes = p_.n * sizeof(double);
-    if ((1 - s) * h <= ulp) return std::memcpy(x, stepper_.state(), bytes), stepper_.t;
-    if (s * h <= ulp) return std::memcpy(x, stepper_.old_state(), bytes), start;
+    if ((1 - s) * h <= ulp) return std::memcpy(x, last_.state(), bytes), last_.t;
+    if (s * h <= ulp) return std::memcpy(x, last_.old_state(), bytes), start;
     const double width = smaller(smaller(1e-3, larger(0.05 * interval, 1e-7)), smaller(s, 1 - s));
     const double most = smaller(0.1, larger(interval, 1e-5)) * h;
     double slope = (along(e, s + width) - along(e, s - width)) / (2 * width * h);
     double now = s * h, before = 0, at_before = 0;
     for (int k = 0; k < 8; ++k) {
-      if (!stepper_.redo(now, x_)) break;
+      if (!last_.redo(now, x_)) break;
       std::memcpy(x, x_, bytes);
       if (!evaluate(start + now, x_, value_)) failed_ = true;
       const double at_now = value_[e];
@@ -334,8 +334,8 @@ class Events {
       now = next;
     }
     if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding allows
-    if (stepper_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
-    else stepper_.sketch(s, x_), rhs_.settle(start + s * h, x_), std::memcpy(x, x_, bytes);
+    if (last_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
+    else last_.sketch(s, x_), rhs_.settle(start + s * h, x_), std::memcpy(x, x_, bytes);
     return start + s * h;
   }
 

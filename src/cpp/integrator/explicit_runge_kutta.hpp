@@ -3,6 +3,7 @@
 // over stages are unrolled from the table without its zeros.
 #pragma once
 
+#include "last_step.hpp"
 #include "step_size_control.hpp"
 #include "stage_polynomials.hpp"
 #include "stiffness_detection.hpp"
@@ -12,7 +13,7 @@ namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 template <class Method, int Blocks>
-class ExplicitRungeKutta {
+class ExplicitRungeKutta final : public LastStep {
  public:
   static constexpr bool switches = false;
 
@@ -25,15 +26,14 @@ class ExplicitRungeKutta {
     t = t_old = p_.t0;
   }
 
-  double t, t_old;
   std::int64_t rejected = 0;
   void add_counts(Counts& counts) const {
     counts.rejected = rejected;
     counts.stiff_steps = stiffness.steps(), counts.stiff_since = stiffness.since();
   }
   StiffnessDetector stiffness;
-  const double* state() const { return x_; }
-  const double* old_state() const { return old_; }
+  const double* state() const override { return x_; }
+  const double* old_state() const override { return old_; }
 
   // First stage at the current time, from the side after a jump there.
   bool begin() {
@@ -107,14 +107,13 @@ class ExplicitRungeKutta {
 
   // x at t_old + s (t - t_old) without new evaluations: by the dense output if it is there, or by a polynomial through
   // both ends and slopes of stages, of degree 6, or 5 where not `finer`.
-  void sketch(double s, double* x, bool finer = true) {
+  void sketch(double s, double* x, bool finer = true) override {
     if (dense_ready_ || Method::fsal) interpolate(s, x);
     else if constexpr (Method::extra == 3) stage_polynomial(s, x, finer);
     else cubic(s, x);
   }
 
-  // Computes the dense output if it is not there, which may cost evaluations; false where that fails.
-  bool prepare() {
+  bool prepare() override {
     if (Method::fsal || dense_ready_) return true;
     if constexpr (Method::extra == 3) prepare_three();
     else if constexpr (Method::extra == 1) prepare_one();
@@ -150,10 +149,9 @@ class ExplicitRungeKutta {
     rhs_.normalise(x);
   }
 
-  // Repeats the step with another size, so that the state at t_old + h is the end of a step. False: not finite.
-  bool redo(double h, double* x) {
+  bool redo(double h, double* x) override {
     std::memcpy(redo_.k, main_.k, lanes() * sizeof(double));
-    const bool sound = step<true>(redo_, h, x);
+    const bool sound = step<Method::fsal>(redo_, h, x);  // else both are the same, compiled once
     rhs_.settle(t_old + h, x);
     return sound && finite(x);
   }

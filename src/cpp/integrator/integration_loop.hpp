@@ -4,6 +4,7 @@
 #include "event_detection.hpp"
 #include "observed_extremes.hpp"
 #include "outputs.hpp"
+#include "step_size_control.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -16,7 +17,7 @@ class IntegrationLoop {
         observed_(rhs_, stepper_, record), outputs_(rhs_, record), between_(problem.n + 16) {}
 
   Status operator()() {
-    const Status status = p_.step > 0 ? intervals<true>() : intervals<false>();
+    const Status status = intervals();
     outputs_.flush();
     if (status != Status::event) record_.end(stepper_.t, stepper_.state());
     count();
@@ -29,16 +30,16 @@ class IntegrationLoop {
   Counts& counts_;
   Rhs rhs_;
   Stepper stepper_;
-  Events<Stepper> events_;
-  ObservedExtremes<Stepper> observed_;
+  Events events_;
+  ObservedExtremes observed_;
   Outputs outputs_;
   Buffer between_;  // an interpolated state, padded
   std::size_t next_output_ = 0;
   std::int64_t until_look_ = 1;
   double grid_index_ = 0, grid_end_ = p_.t0;
 
-  template <bool Fixed>
   Status intervals() {
+    const bool fixed = p_.step > 0;
     output_start();
     for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1; ++i) {
       const double bound = i < p_.stop_count ? p_.stops[i] : p_.t1;
@@ -48,21 +49,21 @@ class IntegrationLoop {
       observed_.begin();
       if (i == 0) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
-        if (!Fixed) stepper_.choose_step(bound);
+        if (!fixed) stepper_.choose_step(bound);
       }
       while (stepper_.t < bound) {
         const std::int64_t rejected = stepper_.rejected;
         const bool implicit = is_implicit();
-        const Outcome outcome = Fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
+        const Outcome outcome = fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
         if (is_implicit() != implicit) record_.switched(stepper_.t_old, !implicit);
         if (outcome != Outcome::accepted) return status_of(outcome);
         ++counts_.accepted;
         if (p_.event_count) {
-          const Found found = events_.search(record_);
+          const Found found = events_.search(stepper_, record_);
           if (found == Found::failed) return Status::non_finite;
           if (found == Found::terminal) return end_at_event();
         }
-        observed_.step();
+        observed_.step(stepper_);
         step(stepper_.t);
         output_step(stepper_.t);
         until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;

@@ -57,7 +57,7 @@ class LaneSingleStep {
     if (!events_.begin(stepper_.t_old, stepper_.old_state())) return Found::failed;
     for (int e = 0; e < count; ++e)
       events_.remember(e, {whole(block_.sign[e]), whole(block_.hint[e]), whole(block_.unresolved[e])});
-    const Found found = events_.search(record_);
+    const Found found = events_.search(stepper_, record_);
     for (int e = 0; e < count; ++e) {
       const auto memory = events_.memory(e);
       block_.sign[e][lane_] = memory.sign, block_.hint[e][lane_] = memory.hint;
@@ -99,8 +99,8 @@ class LaneSingleStep {
   Rhs rhs_;
   Stepper stepper_;
   LaneRecord record_;
-  Events<Stepper> events_;
-  ObservedExtremes<Stepper> observed_;
+  Events events_;
+  ObservedExtremes observed_;
   std::int64_t counted_ = 0;
 
   int whole(const Vec& numbers) const { return static_cast<int>(numbers[lane_]); }

@@ -83,7 +83,8 @@ class RealLu : Pivots<Blocks> {
       for (int i = 0; i < n_; ++i) a[j * w + i] = (i == j ? shift : 0) - h * jacobian[j * n_ + i];
     return factorise();
   }
-  bool factorise() {
+  // Not inlined: the compiler fuses products and sums within a function, and a result must not depend on its callers.
+  __attribute__((noinline)) bool factorise() {
     Base::start();
     double* a = lower_;
     const std::size_t w = stride();
@@ -154,7 +155,7 @@ class ComplexLu : Pivots<Blocks> {
       }
     return factorise();
   }
-  bool factorise() {
+  __attribute__((noinline)) bool factorise() {
     Base::start();
     double *a = lower_.re, *b = lower_.im;
     const std::size_t w = stride();

@@ -9,6 +9,7 @@
 
 #include "event_sampling.hpp"
 #include "extremum_polynomial.hpp"
+#include "last_step.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -35,11 +36,10 @@ struct ObservedHistory {
   }
 };
 
-template <class Stepper>
 class ObservedExtremes {
  public:
-  ObservedExtremes(Rhs& rhs, Stepper& stepper, Record& record)
-      : rhs_(rhs), p_(rhs.problem), stepper_(stepper), count_(p_.observe ? p_.observed : 0),
+  ObservedExtremes(Rhs& rhs, LastStep& last, Record& record)
+      : rhs_(rhs), p_(rhs.problem), last_(last), count_(p_.observe ? p_.observed : 0),
         within_(count_ ? p_.observed_within : 0), least_(record.least), largest_(record.largest),
         x_(count_ ? p_.n + 16 : 0), plain_(within_ ? p_.n : 0), value_(count_), y_((parts + 1) * count_),
         cheap_(within_ ? (parts + 1) * count_ : 0),
@@ -49,21 +49,22 @@ class ObservedExtremes {
 
   // The state at the start, and again after a jump of forces.
   void begin() {
-    if (count_) take_end(stepper_.t, stepper_.state());
+    if (count_) take_end(last_.t, last_.state());
   }
 
-  // The step just taken.
-  void step() {
-    if (count_) look(stepper_.t, stepper_.state(), 1);
+  // The step just taken by `stepper`, which is that of the constructor.
+  template <class Stepper>
+  void step(Stepper& stepper) {
+    if (count_) look(stepper, stepper.t, stepper.state(), 1);
   }
 
   // The step just taken, up to the event at which it ends.
   void part(double t, const double* x) {
-    if (count_) look(t, x, length() > 0 ? (t - stepper_.t_old) / length() : 1);
+    if (count_) look(last_, t, x, length() > 0 ? (t - last_.t_old) / length() : 1);
   }
 
   // A run that was begun elsewhere goes on with the step that the stepper has taken over.
-  void resume() { evaluate(stepper_.t_old, stepper_.old_state(), y_ + parts * count_); }
+  void resume() { evaluate(last_.t_old, last_.old_state(), y_ + parts * count_); }
   ObservedHistory& history(int j) { return history_[j]; }
 
  private:
@@ -72,7 +73,7 @@ class ObservedExtremes {
 
   Rhs& rhs_;
   const Problem& p_;
-  Stepper& stepper_;
+  LastStep& last_;
   const int count_, within_;
   double *least_, *largest_;
   Buffer x_, plain_;  // plain_: a state before it is projected
@@ -82,7 +83,7 @@ class ObservedExtremes {
   double end_ = 1;  // of the part of the step that counts, as a fraction of it
   int spent_ = 0;
 
-  double length() const { return stepper_.t - stepper_.t_old; }
+  double length() const { return last_.t - last_.t_old; }
 
   void evaluate(double t, const double* x, double* values) {
     if (x != x_) std::memcpy(x_, x, p_.n * sizeof(double));
@@ -106,22 +107,24 @@ class ObservedExtremes {
     take(y_ + parts * count_, count_);
   }
 
-  void look(double t, const double* x, double end) {
+  template <class Stepper>
+  void look(Stepper& stepper, double t, const double* x, double end) {
     end_ = end;
     std::memcpy(y_, y_ + parts * count_, count_ * sizeof(double));
     take_end(t, x);
     if (!within_) return;
-    sketch(2, 2);
+    sketch(stepper, 2, 2);
     bool clear = true;
     for (int j = 0; j < within_ && clear; ++j) clear = stays_within(j);
     if (!clear) search();
   }
 
   // Samples on the cheap polynomial, at every `stride`-th place from `first` on.
-  void sketch(int first, int stride) {
+  template <class Stepper>
+  void sketch(Stepper& stepper, int first, int stride) {
     for (int i = first; i < parts; i += stride) {
-      stepper_.sketch(end_ * place[i], x_, i % 2 == 0);
-      evaluate(stepper_.t_old + end_ * place[i] * length(), x_, y_ + i * count_);
+      stepper.sketch(end_ * place[i], x_, i % 2 == 0);
+      evaluate(stepper.t_old + end_ * place[i] * length(), x_, y_ + i * count_);
     }
   }
 
@@ -167,17 +170,17 @@ class ObservedExtremes {
   }
 
   void between(double s, double* values) {
-    const double t = stepper_.t_old + s * length();
-    stepper_.sketch(s, x_);  // the dense output, where it could be prepared
+    const double t = last_.t_old + s * length();
+    last_.sketch(s, x_);  // the dense output, where it could be prepared
     std::memcpy(plain_, x_, p_.n * sizeof(double));
     rhs_.settle(t, x_);
     rhs_.keep_velocity(plain_, x_);
     evaluate(t, x_, values);
   }
 
-  void search() {
-    sketch(1, 2);
-    stepper_.prepare();
+  __attribute__((noinline)) void search() {
+    sketch(last_, 1, 2);
+    last_.prepare();
     std::memcpy(cheap_, y_, (parts + 1) * count_ * sizeof(double));
     for (int i = 1; i < parts; ++i) between(end_ * place[i], y_ + i * count_);
     for (int j = 0; j < within_; ++j) learn(j);

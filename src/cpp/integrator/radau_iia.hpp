@@ -1,13 +1,14 @@
 // Radau IIA of order 5: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, sec. IV.8.
 #pragma once
 
+#include "last_step.hpp"
 #include "simplified_newton.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 template <int Blocks>
-class Radau {
+class Radau final : public LastStep {
  public:
   static constexpr bool switches = false;
 
@@ -20,7 +21,6 @@ class Radau {
     t = t_old = p_.t0;
   }
 
-  double t, t_old;
   std::int64_t rejected = 0;
   void add_counts(Counts& counts) const {
     counts.rejected = rejected;
@@ -28,8 +28,8 @@ class Radau {
     counts.factorisations = equations_.factorisations;
     counts.implicit_steps = counts.accepted, counts.implicit_evaluations = rhs_.evaluations;
   }
-  const double* state() const { return x_; }
-  const double* old_state() const { return old_; }
+  const double* state() const override { return x_; }
+  const double* old_state() const override { return old_; }
 
   bool begin() {
     if (!equations_.slope(x_, t, f_)) return false;
@@ -111,7 +111,7 @@ class Radau {
     return Outcome::accepted;
   }
 
-  void sketch(double s, double* x, bool = true) { interpolate(s, x); }
+  void sketch(double s, double* x, bool = true) override { interpolate(s, x); }
   void interpolate(double s, double* x) {
     for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(base_ + 4 * b) + polynomial(s, b);
     if (quadratures_ready_)
@@ -125,7 +125,7 @@ class Radau {
   // The cubic through the stages is too inaccurate for quadratures, whose rates may be cubics of time. Their dense output
   // is the integral of the cubic through the rates at the start, the end and the two stages between them, evaluated
   // anew there; at the step's end that is the method's own weights again.
-  bool prepare() {
+  bool prepare() override {
     if (prepared_ || p_.norm_size == p_.n) return true;
     prepared_ = true;
     const double h = dense_h_;
@@ -149,8 +149,8 @@ class Radau {
     return true;
   }
 
-  // The step once more with another size, from the same start and with the same Jacobian.
-  bool redo(double h, double* x) {
+  // From the same start and with the same Jacobian.
+  bool redo(double h, double* x) override {
     extrapolate(h, base_);
     if (!equations_.factors(h) || !equations_.iterate_fully(dense_t_, h, base_).converged) return false;
     sum(x, base_, equations_.last());

@@ -22,7 +22,7 @@ namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 template <int Blocks>
-class StiffnessSwitching {
+class StiffnessSwitching final : public LastStep {
   using Explicit = ExplicitRungeKutta<Dop853, Blocks>;
   using Implicit = Radau<(Blocks <= 3 ? Blocks : 0)>;
 
@@ -37,7 +37,6 @@ class StiffnessSwitching {
   StiffnessSwitching(const StiffnessSwitching&) = delete;
   StiffnessSwitching& operator=(const StiffnessSwitching&) = delete;
 
-  double t, t_old;
   std::int64_t rejected = 0;
   bool implicit() const { return is_implicit_; }  // the method of the last step
 
@@ -52,8 +51,8 @@ class StiffnessSwitching {
     counts.implicit_steps = implicit_steps_;
     counts.implicit_evaluations = implicit_evaluations_ + (is_implicit_ ? rhs_.evaluations - entered_ : 0);
   }
-  const double* state() const { return is_implicit_ ? implicit_->state() : explicit_.state(); }
-  const double* old_state() const { return is_implicit_ ? implicit_->old_state() : explicit_.old_state(); }
+  const double* state() const override { return is_implicit_ ? implicit_->state() : explicit_.state(); }
+  const double* old_state() const override { return is_implicit_ ? implicit_->old_state() : explicit_.old_state(); }
 
   bool begin() { return is_implicit_ ? implicit_->begin() : explicit_.begin(); }
   void choose_step(double bound) { explicit_.choose_step(bound); }
@@ -73,12 +72,12 @@ class StiffnessSwitching {
     return outcome;
   }
 
-  void sketch(double s, double* x, bool finer = true) {
+  void sketch(double s, double* x, bool finer = true) override {
     is_implicit_ ? implicit_->sketch(s, x, finer) : explicit_.sketch(s, x, finer);
   }
-  bool prepare() { return is_implicit_ ? implicit_->prepare() : explicit_.prepare(); }
+  bool prepare() override { return is_implicit_ ? implicit_->prepare() : explicit_.prepare(); }
   void interpolate(double s, double* x) { is_implicit_ ? implicit_->interpolate(s, x) : explicit_.interpolate(s, x); }
-  bool redo(double h, double* x) { return is_implicit_ ? implicit_->redo(h, x) : explicit_.redo(h, x); }
+  bool redo(double h, double* x) override { return is_implicit_ ? implicit_->redo(h, x) : explicit_.redo(h, x); }
 
  private:
   static constexpr int first_window = 10;

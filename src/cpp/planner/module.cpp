@@ -38,7 +38,7 @@ struct LimitArrays {
     if (!(same(b) && same(d) && same(c) && same(w) && same(rate) && same(motor_rate) && same(fastest)) ||
         b.shape(1) != l.quantities || d.shape(1) != l.quantities || c.shape(1) != l.quantities ||
         w.shape(1) != l.quantities || w.shape(2) != l.joints || width.shape(0) != l.joints ||
-        negligible.shape(0) != l.quantities || l.quantities > LimitsAtPlace::most_quantities)
+        negligible.shape(0) != l.quantities || l.quantities > most_quantities)
       throw nb::value_error("path limits: the arrays do not fit each other");
     l.a = a.data(), l.b = b.data(), l.d = d.data(), l.c = c.data(), l.w = w.data(), l.rate = rate.data();
     l.norms = norm.shape(0);

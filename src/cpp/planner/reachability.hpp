@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "path_limits.hpp"
+#include "limits_at_place.hpp"
 
 namespace bellcrank {
 

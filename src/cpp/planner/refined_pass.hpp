@@ -102,7 +102,10 @@ class RefinedPass {
     }
     const double y = largest_allowed(LimitsAtPlace(limits_, 2 * i), {0, std::sqrt(next), length(i)}, f.cause);
     if (std::isnan(y)) return false;
-    x_[i] = y * y, kind_[i] = Cell::riding, error_[i] = 0;
+    // A cell from the largest speed to a lower one is halved until the place where the speed begins to fall is found.
+    x_[i] = y * y, kind_[i] = Cell::riding;
+    const bool meets = one.sound && next < top_[2 * i + 2] * (1 - 1e-6) && x_[i] >= top_[2 * i] * (1 - 1e-9);
+    error_[i] = meets ? 2.0 : 0.0;
     return true;
   }
 
@@ -150,6 +153,7 @@ class RefinedPass {
     const double h = step(i);
     const Bounds b0 = bounds(2 * i, x0), b1 = bounds(2 * i + 2, x1);
     const int kind = f.kind[i];
+    f.gap[i] = b0.hole;
     const bool bends = (kind == Cell::forward && b0.most.quantity != b1.most.quantity) ||
                        (kind == Cell::backward && b0.least.quantity != b1.least.quantity);
     if (narrow_[i] == 1) {

@@ -12,7 +12,7 @@ from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.sizing.selection import axis_loads_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.size import mechanism_and_motions
+from bellcrank.sizing.subject import mechanism_and_motions
 from tests.support.actuator_bodies import body, payload_at_joint
 from tests.support.crane import FILES
 

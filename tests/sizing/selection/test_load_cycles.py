@@ -12,7 +12,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep, checked_duty
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.size import mechanism_and_motions
+from bellcrank.sizing.subject import mechanism_and_motions
 
 
 def arm_and_motions(friction="urdf"):

@@ -13,7 +13,7 @@ from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.size import mechanism_and_motions
+from bellcrank.sizing.subject import mechanism_and_motions
 from tests.support import actuator_bodies
 
 CONDITIONS = Conditions(voltage=48.0)

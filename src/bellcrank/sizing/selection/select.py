@@ -24,7 +24,7 @@ from bellcrank.sizing.selection.choose import choose
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
 from bellcrank.sizing.selection.selection_of import selection_of
-from bellcrank.sizing.size import OneMotion, SizingSubject, override_notes, sizing_subject
+from bellcrank.sizing.subject import OneMotion, SizingSubject, override_notes, sizing_subject
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
@@ -17,9 +15,8 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_fields import product_data
 from bellcrank.errors import InputError
-from bellcrank.files import atomic_write
+from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.access import read_text
-from bellcrank.files.csv_files import guarded
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Selection
 
 RESULTS = ("selection.csv", "selection.json")
@@ -77,11 +74,7 @@ def csv_text(selection: Selection) -> str:
         for one in selection.axes
         for rank, candidate in enumerate(one.candidates or (None,), 1)
     ]
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows(guarded(row.values()) for row in rows)
-    return buffer.getvalue()
+    return csv_files.csv_text([rows[0], *(row.values() for row in rows)])
 
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
@@ -107,7 +100,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "pareto": [one._asdict() for one in selection.pareto],
         "pareto_proof": selection.pareto_proof,
     }
-    return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_files.json_text(document)
 
 
 def _criterion_names(selection: Selection) -> list[str]:
@@ -210,13 +203,3 @@ def _cycle(selection: Selection, number: int) -> dict[str, Any]:
             for k, one in enumerate(selection.axes)
         ],
     }
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,34 @@
+"""JSON files of results. Numbers that are not finite, which JSON does not have, are written as null."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bellcrank.files.atomic_write import write_text
+
+
+def write_json(path: Path, content: Any, *, indent: int = 1, ascii_only: bool = False) -> Path:
+    """Write data as JSON in one step and return the path. Raises InputError where the file cannot be written."""
+    write_text(path, json_text(content, indent=indent, ascii_only=ascii_only))
+    return path
+
+
+def json_text(content: Any, *, indent: int = 1, ascii_only: bool = False) -> str:
+    """The text of a JSON file; `ascii_only` writes other characters as escapes."""
+    return json.dumps(_finite(content), indent=indent, ensure_ascii=ascii_only, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    """The value with plain numbers, and None for those that are not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

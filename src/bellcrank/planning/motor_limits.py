@@ -1,0 +1,129 @@
+"""The limits that motors and gears set to torques and speeds of their joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.motor_with_gear import MotorWithGear
+from bellcrank.cached_values import cached_property
+from bellcrank.planning.gear_efficiency import GearEfficiencies, gear_efficiencies
+from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import RobotJoint
+
+Array = NDArray[np.float64]
+
+
+class ShaftLimit(NamedTuple):
+    """The actuator of the motor of number `motor`, with its torque over speed at the shaft where it drives and where it
+    brakes, and the efficiencies of its gear.
+    """
+
+    motor: int
+    actuator: Actuator
+    driving: Polyline
+    braking: Polyline
+    efficiency: GearEfficiencies
+
+
+@dataclass(frozen=True, eq=False)
+class MotorLimits:
+    """The limits of actuators.
+
+    Attributes:
+        joints: The joints with motors.
+        actuators: The actuators that limit, by joint.
+    """
+
+    joints: tuple[RobotJoint, ...]
+    actuators: Mapping[str, Actuator]
+
+    @property
+    def shafts(self) -> tuple[ShaftLimit, ...]:
+        """Of actuators whose shaft torque is known and has limits."""
+        return self._found[0]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the actuators does not limit, or not exactly."""
+        return self._found[1]
+
+    @cached_property
+    def _found(self) -> tuple[tuple[ShaftLimit, ...], tuple[str, ...]]:
+        found, notes = [], list[str]()
+        for k, name, actuator in self._given:
+            of_motor = f"of the motor at joint '{name}'"
+            if actuator.unknown_of_torque:
+                unknown = ", ".join(actuator.unknown_of_torque)
+                notes.append(f"the torque {of_motor} is not limited: its {unknown} is unknown")
+                continue
+            curves = torque_speed_polylines(actuator)
+            if curves is None:
+                notes.append(f"the torque {of_motor} is not limited: its limit over speed is unknown")
+                continue
+            if actuator.unknown_limits:
+                unknown = " and ".join(actuator.unknown_limits)
+                notes.append(f"{of_motor} {unknown} is unknown and does not limit the motion")
+            efficiency = gear_efficiencies(actuator)
+            if efficiency.varies:
+                notes.append(
+                    f"the efficiency of the gear at joint '{name}' is a curve over the load: its lowest value, "
+                    f"{100.0 * efficiency.driving:.3g} %, limits the motion where the motor drives, and its highest, "
+                    f"{100.0 * efficiency.driven:.3g} %, where the load gives power back; a faster motion may exist"
+                )
+            found.append(ShaftLimit(k, actuator, *curves, efficiency))
+        return tuple(found), tuple(notes)
+
+    @property
+    def _given(self) -> list[tuple[int, str, Actuator]]:
+        """Number, joint and actuator of the motors that have one."""
+        named = [(k, joint.name, self.actuators.get(joint.name)) for k, joint in enumerate(self.joints)]
+        return [(k, name, actuator) for k, name, actuator in named if actuator is not None]
+
+    @cached_property
+    def gear_torques(self) -> dict[int, float]:
+        """By motor: the largest torque, N m or N, that the gear may pass on repeatedly, with the safety factor."""
+        found = {}
+        for k, _, actuator in self._given:
+            if isinstance(actuator, MotorWithGear) and (limit := actuator.gear.repeated_peak_torque) is not None:
+                found[k] = limit / actuator.safety_factor
+        return found
+
+    @cached_property
+    def top_speeds(self) -> list[tuple[RobotJoint, float]]:
+        """Motors with the largest speed of the joint, rad/s or m/s, that motor and gear allow."""
+        last = {shaft.motor: (shaft.driving[-1][0], shaft.braking[-1][0]) for shaft in self.shafts}
+        found = []
+        for k, _, actuator in self._given:
+            tops = [*last.get(k, ())]
+            if actuator.max_speed is not None:
+                tops.append(actuator.max_speed)
+            if isinstance(actuator, MotorWithGear) and actuator.gear.max_speed is not None:
+                tops.append(actuator.gear.max_speed)
+            if tops:
+                found.append((self.joints[k], min(tops) / actuator.ratio))
+        return found
+
+    @property
+    def varying(self) -> list[ShaftLimit]:
+        """Those whose gears have a curve of efficiency."""
+        return [shaft for shaft in self.shafts if shaft.efficiency.varies]
+
+    def excess_of_curves(self, torque: Array, v: Array, a: Array) -> Array:
+        """The largest shares (n,) by which torques (n, k) at velocities v and accelerations a (n, nv) exceed the limits
+        of motors whose gears have a curve of efficiency; negative within, and minus infinite without such motors.
+        """
+        worst = np.full(len(v), -np.inf)
+        for shaft in self.varying:
+            actuator, column = shaft.actuator, self.joints[shaft.motor].v
+            needed = actuator.shaft_torque(torque[:, shaft.motor], v[:, column], a[:, column])
+            use = actuator.curve_use(actuator.safety_factor * needed, actuator.ratio * v[:, column])
+            worst = np.fmax(worst, use - 1.0)
+        return worst

@@ -1,0 +1,158 @@
+"""The motors' torques along a path, as functions of the path speed and the path acceleration.
+
+Along a path q(s), with the path speed y = ds/dt and the path acceleration u = d²s/dt²,
+
+    q̇ = q' y,    q̈ = q' u + q'' y²,    τ = M q' u + (M q'' + C(q, q') q') y² + g + friction(q' y),
+
+so that each torque is  a u + b y² + d y + c + Σ_j w_j σ(q'_j y / width_j)  with viscous friction in d and Coulomb
+friction, smoothed as in the equations of motion, in w (Bobrow, Dubowsky, Gibson, Int. J. Robotics Research 4, 1985;
+without friction). a, b and c follow from inverse dynamics at three states a place, d and w from the coefficients of
+friction at each joint through the motors' shares of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.mechanism import Mechanism, joint_frictions
+from bellcrank.errors import InputError
+from bellcrank.planning.limit_rows import Quantity
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-5  # of the largest torque of any joint, by which smaller ones may be rounding
+AGREEMENT = 1e-8  # relative: the model of a torque over the path speed against inverse dynamics
+CHECKED = ((2.0, 0.0), (0.5, 1.0))  # path speeds and times at which the model is compared
+CHECKED_ACCELERATION = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class PathTerms:
+    """Coefficients at n places of k quantities: a, b, d, c (n, k) and w (n, k, j)."""
+
+    a: Array
+    b: Array
+    d: Array
+    c: Array
+    w: Array
+
+    def of_quantities(self, quantities: Sequence[Quantity], slope: Array, second: Array) -> PathTerms:
+        """The coefficients of shares of the torques with inertias added, in C order.
+
+        Args:
+            quantities: The first k are the torques themselves.
+            slope: Derivatives (n, nv) of the positions with respect to the path, by which u accelerates the joints.
+            second: Their second derivatives.
+
+        Returns:
+            The coefficients.
+        """
+        if len(quantities) == self.a.shape[1]:
+            return PathTerms(*(np.ascontiguousarray(each) for each in (self.a, self.b, self.d, self.c, self.w)))
+        motor, share, column, inertia = (np.array(each) for each in zip(*quantities, strict=True))
+        a, b, d, c = (np.ascontiguousarray(each[:, motor] * share) for each in (self.a, self.b, self.d, self.c))
+        a += slope[:, column] * inertia
+        b += second[:, column] * inertia
+        return PathTerms(a, b, d, c, np.ascontiguousarray(self.w[:, motor] * share[:, None]))
+
+
+@dataclass(frozen=True, eq=False)
+class PathTorques:
+    """The torques of a mechanism's motors along paths, without the rotors of actuators.
+
+    Attributes:
+        mechanism: The mechanism, with payloads and forces.
+        actuators: Motor and gear by joint.
+    """
+
+    mechanism: Mechanism
+    actuators: Mapping[str, Actuator]
+
+    @cached_property
+    def columns(self) -> list[int]:
+        """The velocity coordinates (k,) of the motors' joints."""
+        return [joint.v for joint in self.mechanism.motors]
+
+    @cached_property
+    def _rotor(self) -> Array:
+        """Inertia (k,) in the mechanism's torques that belongs to an actuator's rotor."""
+        given = self.mechanism.robot.rotor_inertia
+        return np.array([given[j.v] if j.name in self.actuators else 0.0 for j in self.mechanism.motors])
+
+    @cached_property
+    def _viscous(self) -> Array:
+        """Viscous friction (nv,) of the joints."""
+        found = np.zeros(self.mechanism.robot.nv)
+        for friction in joint_frictions(self.mechanism):
+            found[friction.column] += friction.viscous
+        return found
+
+    @cached_property
+    def _coulomb(self) -> Array:
+        """Of each Coulomb friction the joint forces (j, nv)."""
+        dry = [friction for friction in joint_frictions(self.mechanism) if friction.coulomb > 0.0]
+        found = np.zeros((len(dry), self.mechanism.robot.nv))
+        for k, friction in enumerate(dry):
+            found[k, friction.column] = friction.coulomb
+        return found
+
+    @cached_property
+    def coulomb_columns(self) -> list[int]:
+        """The velocity coordinates (j,) of the Coulomb frictions."""
+        return [friction.column for friction in joint_frictions(self.mechanism) if friction.coulomb > 0.0]
+
+    @cached_property
+    def widths(self) -> Array:
+        """The speeds (j,), rad/s or m/s, over which the Coulomb frictions are smoothed."""
+        return np.array([friction.width for friction in joint_frictions(self.mechanism) if friction.coulomb > 0.0])
+
+    def exact(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """The torques (n, k) of a motion of positions q, velocities v and accelerations a (n, nv)."""
+        return self.mechanism.torques(t, q, v, a)[0] - self._rotor * a[:, self.columns]
+
+    def terms(self, q: Array, first: Array, second: Array) -> PathTerms:
+        """The coefficients at places of a path, with derivatives (n, nv) of the positions with respect to the path."""
+        t, still = np.zeros(len(q)), np.zeros_like(first)
+        equations, motors = self.mechanism.equations, self.mechanism.torque_map(t, q)
+        c = motors(equations.needed(t, q, still, still))
+        a = motors(equations.needed(t, q, still, first)) - c
+        b = motors(equations.needed(t, q, first, second)) - c
+        d, w = np.zeros_like(c), np.zeros((*c.shape, len(self.widths)))
+        if self._viscous.any():
+            d = motors(self._viscous * first)
+            b = b - d
+        if len(self.widths):
+            for k, forces in enumerate(self._coulomb):
+                w[:, :, k] = motors(np.broadcast_to(forces, first.shape))
+            b = b - self._friction(w, first, 1.0)
+        columns = self.columns
+        return PathTerms(a - self._rotor * first[:, columns], b - self._rotor * second[:, columns], d, c, w)
+
+    def _friction(self, w: Array, first: Array, speed: float) -> Array:
+        """Coulomb friction (n, k) at a path speed."""
+        z = first[:, self.coulomb_columns] * speed / self.widths
+        return np.asarray(np.einsum("nkj,nj->nk", w, z / np.sqrt(1.0 + z * z)))
+
+    def check_states(self, q: Array, first: Array, second: Array) -> None:
+        """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
+        path, are not those of the model: where a force depends on time, or on velocity otherwise than by inertia and
+        friction.
+        """
+        terms, u = self.terms(q, first, second), CHECKED_ACCELERATION
+        for speed, time in CHECKED:
+            exact = self.exact(np.full(len(q), time), q, speed * first, u * first + speed * speed * second)
+            model = u * terms.a + speed * speed * terms.b + speed * terms.d + terms.c
+            model += self._friction(terms.w, first, speed)
+            scale = sum(np.max(np.abs(each), axis=0) for each in (terms.a, terms.b, terms.c))
+            off = np.max(np.abs(model - exact), axis=0) - AGREEMENT * (scale + ROUNDING * np.max(scale))
+            if np.any(off > 0.0):
+                joint = self.mechanism.motors[int(np.argmax(off))].name
+                raise InputError(
+                    f"the torque of joint '{joint}' depends on time, or on velocity otherwise than by inertia, viscous "
+                    "and Coulomb friction; the fastest motion along a path cannot be computed with such forces"
+                )
