@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank._planner import excess, largest_factor
+from bellcrank._planner import excess
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.factor_peaks import MOST, FactorFound, largest_factor_of
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import PathLimits
 from bellcrank.robot.payload import Payload
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-MOST = 1e3  # times faster
-REFINED = 8  # samples between two rows
 DRAWN = 121
 
 
@@ -154,7 +153,7 @@ def speed_factor(
     """Find the largest factor by which a motion can be sped up within the limits of joints, motors and gears.
 
     The limits are those of each moment; the continuous torque of motors, which depends on the pause after the motion,
-    is not among them. Between the rows of the motion eight samples are looked at.
+    is not among them. Peaks between the rows of the motion count.
 
     Args:
         robot: As in `bellcrank.size`.
@@ -184,14 +183,14 @@ def speed_factor(
     bounds = PathLimits(subject.mechanism, subject.actuators, limits)
     if bounds.jerk_groups:
         raise InputError("limits: the speed factor does not take limits of jerk; leave jerk out")
-    time = _samples(given)
-    q, v, a = given.at(time)
-    bounds.check_states(q, v, a)
-    speeds = bounds.speed_limits(q, v, a)
-    if not bounds.names and not speeds:
+    states = given.at(given.time)
+    bounds.check_states(*states)
+    if not bounds.names and not bounds.speed_limits(*states):
         raise InputError("nothing limits the motion: the URDF gives no limits and there is no actuator; give limits")
-    factor, place, row = largest_factor(bounds.of_motion(q, v, a), MOST)
-    name = bounds.names[row].group if row >= 0 else _tightest(speeds, place)
+    found = largest_factor_of(given, bounds)
+    factor, (q, v, a) = found.factor, given.at(found.samples)
+    speeds = bounds.speed_limits(q, v, a)
+    name = bounds.names[found.row].group if found.row >= 0 else _tightest(speeds, found)
     if factor >= MOST:
         name = "nothing"
     top = 1.25 * max(factor, 1.0) if factor < MOST else 2.0
@@ -199,9 +198,9 @@ def speed_factor(
     return SpeedFactor(
         robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
         motion=given,
-        factor=float(factor),
+        factor=factor,
         limit=name,
-        time=float(time[place]),
+        time=found.time,
         factors=factors,
         uses=_uses(bounds, factors, (q, v, a), speeds),
         warnings=tuple(dict.fromkeys([*subject.notes, *bounds.notes, *motion_warnings(subject.mechanism, [given])])),
@@ -224,15 +223,8 @@ def scaled_motion(motion: Motion, factor: float) -> Motion:
     )
 
 
-def _samples(motion: Motion) -> Array:
-    """The rows' times and times between them."""
-    step = np.diff(motion.time)
-    shares = np.arange(REFINED) / REFINED
-    between = (motion.time[:-1, None] + step[:, None] * shares).ravel()
-    return np.unique(np.concatenate([between, motion.time]))
-
-
-def _tightest(speeds: list[tuple[Any, Array]], place: int) -> str:
+def _tightest(speeds: list[tuple[Any, Array]], found: FactorFound) -> str:
+    place = int(np.searchsorted(found.samples, found.time))
     return min(speeds, key=lambda one: float(one[1][place]))[0].group if speeds else "nothing"
 
 
