@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.integrate
 
 import bellcrank as bc
 from bellcrank.cli import main
@@ -29,6 +32,35 @@ def test_a_factor_that_exceeds_a_limit_exits_with_1(tmp_path: Path, capsys: pyte
     assert main(["fastest", "geared_pendulum", "--scale", "5", "--out", str(tmp_path), "--no-plots"]) == 1
     assert "the factor 5 is not allowed" in capsys.readouterr().out
     assert main(["fastest", "geared_pendulum", "--scale", "max", "--out", str(tmp_path), "--no-plots"]) == 0
+
+
+def test_a_slower_motion_is_judged_by_its_own_torques(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A pendulum that falls freely needs no torque; at half the speed it has to be held."""
+    robot = bc.load_robot("geared_pendulum")
+
+    def fall(_: float, state: Sequence[float]) -> list[float]:
+        q, v = np.array(state[:1]), np.array(state[1:])
+        return [state[1], float(robot.forward_dynamics(q, v, np.zeros(1))[0])]
+
+    time = np.linspace(0.0, 0.3, 301)
+    q, v = scipy.integrate.solve_ivp(fall, (0.0, 0.3), [1.2, 0.0], t_eval=time, rtol=1e-10, atol=1e-12).y
+    a = [fall(0.0, state)[1] for state in zip(q, v, strict=True)]
+    motion = tmp_path / "fall.csv"
+    rows = [f"{t!r},{x!r},{y!r},{z!r}" for t, x, y, z in zip(time.tolist(), q.tolist(), v.tolist(), a, strict=True)]
+    header = "time [s],shoulder position [rad],shoulder velocity [rad/s],shoulder acceleration [rad/s^2]"
+    motion.write_text("\n".join([header, *rows]) + "\n")
+    given = f"fastest geared_pendulum --no-actuators --speed none --no-plots --motion {motion} --out {tmp_path}".split()
+    holding = abs(float(robot.inverse_dynamics(np.array([1.2]), np.zeros(1), np.zeros(1))[0]))
+    given += ["--torque", f"shoulder={0.6 * holding}"]
+    assert main([*given, "--scale", "1"]) == 0
+    assert main([*given, "--scale", "0.95"]) == 0
+    assert main([*given, "--scale", "0.5"]) == 1
+    said = capsys.readouterr().out
+    share = 0.75 / 0.6  # of the weight, as the acceleration is a quarter of that of the fall
+    assert (
+        f"the factor 0.5 is not allowed: the motion then exceeds the torque of shoulder by {100 * share - 100:.3g} %"
+        in said
+    )
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,13 @@ def test_no_factor_keeps_a_torque_that_cannot_hold_the_arm() -> None:
         found.scaled()
 
 
+def test_a_motion_that_rests_reaches_no_limit_at_any_speed() -> None:
+    robot = bc.load_robot("planar_2r")
+    found = bc.speed_factor(robot, bc.waypoints(robot, [0.0, 1.0], [{}, {}]))
+    assert found.limit == "nothing"
+    assert found.table().splitlines()[0].endswith("1000 times as fast or more: it reaches no limit")
+
+
 def test_friction_limits_the_factor_as_bisection_over_inverse_dynamics_does() -> None:
     robot = bc.load_robot("planar_2r", friction={"shoulder": (5.0, 3.0), "elbow": (2.0, 1.0)})
     motion = bc.waypoints(robot, [0.0, 1.0, 2.0], [{}, {"shoulder": 1.0, "elbow": 0.5}, {"elbow": -0.2}])

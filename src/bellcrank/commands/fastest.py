@@ -25,6 +25,7 @@ from bellcrank.text import file_name
 
 if TYPE_CHECKING:
     from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.speed_scaling import SpeedFactor
     from bellcrank.scene.robot_config import RobotConfig
 
 UNITS = {
@@ -182,6 +183,7 @@ def _scaled(
     arguments: argparse.Namespace, given: tuple[Any, ...], factor: float | None, place: tuple[Path, list[Path]]
 ) -> int:
     from bellcrank.motion.csv_file import write_motion
+    from bellcrank.planning.factor_peaks import MOST
     from bellcrank.planning.speed_scaling import speed_factor
 
     config, name, limits, payloads = given
@@ -195,10 +197,25 @@ def _scaled(
         files.append(folder / f"scaled_{stem}.csv")
     if not arguments.no_plots:
         files.append(found.plot(folder / f"factor_{stem}.png"))
-    if factor is not None and factor > found.factor:
-        print(f"\nthe factor {factor:g} is not allowed: the {found.limit} is reached at {found.factor:.6g}")
+    if factor is None:
+        return 0 if found.factor > 0.0 else 1
+    if 1.0 <= factor <= found.factor:
+        return 0
+    # Other factors may keep the limits or not: a motion that is slower may need more torque, such as that of a fall.
+    scaled = speed_factor(config, found.scaled(factor), limits, payloads=payloads, trust=arguments.trust)
+    if scaled.factor < 1.0:
+        print(f"\nthe factor {factor:g} is not allowed: the motion then exceeds the {_worst(scaled)}")
         return 1
-    return 0 if found.factor > 0.0 else 1
+    if found.factor < min(factor, MOST):
+        print(f"\nthe factor {factor:g} keeps all limits, but factors between {found.factor:.6g} and it do not")
+    return 0
+
+
+def _worst(found: SpeedFactor) -> str:
+    """The limit that the motion as given exceeds most, and by how much."""
+    here = found.factors.tolist().index(1.0)
+    name, use = max(((name, float(uses[here])) for name, uses in found.uses.items()), key=lambda one: one[1])
+    return f"{name} by {100.0 * (use - 1.0):.3g} %"
 
 
 def _factor(text: str | None) -> float | None:

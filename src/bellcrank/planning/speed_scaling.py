@@ -48,7 +48,8 @@ class SpeedFactor:
         robot: Name of the robot.
         motion: The motion.
         factor: The largest factor k for which all limits are kept for every factor from 1 to k; below 1 where the
-            motion itself exceeds a limit; 0 where no factor keeps them.
+            motion itself exceeds a limit; 0 where no factor keeps them. A factor below it and below 1 may exceed a
+            limit: a fall needs less torque than the same motion made slowly. 1000 where none up to there does.
         limit: The limit that is reached, such as "motor torque of elbow".
         time: The time of the motion at which it is reached, s.
         factors: Factors (m,) of the picture.
@@ -107,11 +108,17 @@ class SpeedFactor:
         duration = self.motion.duration
         if self.factor <= 0.0:
             return f"{self.robot} along {self.motion.name}: no speed keeps the {self.limit}, at {self.time:.4g} s"
-        lines = [
-            f"{self.robot} along {self.motion.name}: {self.factor:.3g} times as fast ({duration / self.factor:.3g} s "
-            f"instead of {duration:.3g} s)",
-            f"the limit is the {self.limit}, at {self.time:.4g} s of the motion as given",
-        ]
+        times, shorter = (
+            f"{self.factor:.3g} times as fast",
+            f"{duration / self.factor:.3g} s instead of {duration:.3g} s",
+        )
+        if self.factor >= MOST:
+            lines = [f"{self.robot} along {self.motion.name}: {MOST:g} times as fast or more: it reaches no limit"]
+        else:
+            lines = [
+                f"{self.robot} along {self.motion.name}: {times} ({shorter})",
+                f"the limit is the {self.limit}, at {self.time:.4g} s of the motion as given",
+            ]
         lines += self.warnings
         width = max([len(name) for name in self.uses] + [5])
         lines += ["", f"{'limit':<{width}}  used as given"]
