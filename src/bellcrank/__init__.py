@@ -5,10 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bellcrank import deprecated
 from bellcrank.codegen import locks as _locks
-
-deprecated.install()
 
 _HOME = {
     "BellcrankError": "errors",
@@ -244,9 +241,6 @@ def __getattr__(name: str) -> Any:
         from bellcrank.version import version
 
         return version()
-    if name in deprecated.NAMES:
-        deprecated.warn(f"bellcrank.{name}", f"bellcrank.{deprecated.NAMES[name]}")
-        name = deprecated.NAMES[name]
     if name in _HOME:
         module, _, attribute = _HOME[name].partition(":")
         return getattr(importlib.import_module(f"bellcrank.{module}"), attribute or name)

@@ -7,6 +7,7 @@ import reprlib
 from collections.abc import Iterable, Mapping
 
 LONGEST_NAME = 200  # characters of an unknown name that a message repeats
+MOST_NAMES = 30  # expected names that a message lists: all keys of a scene
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
@@ -16,7 +17,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
         name = ascii(name[:LONGEST_NAME])[1:-1] + ("…" if len(name) > LONGEST_NAME else "")
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
-    listed = ", ".join(names[:20]) + (f", … ({len(names)} in all)" if len(names) > 20 else "")
+    listed = ", ".join(names[:MOST_NAMES]) + (f", … ({len(names)} in all)" if len(names) > MOST_NAMES else "")
     expected = f"expected: {listed}" if listed else "there is none"
     return f"unknown {kind} '{name}'{hint} ({expected})"
 

@@ -51,8 +51,8 @@ def stem(name: str) -> str:
 
 def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing:
     """The run or sizing that the arguments mean. Raises BellcrankError."""
+    from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
-    from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.robot_config import find_config, load_robot_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.load_run import load_run
@@ -75,7 +75,7 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing:
             "configuration (.yaml) or a robot file; name the one that was simulated, sized or selected for"
         )
     source, urdf = find_config(name)
-    data = {} if urdf else read_scene_data(source)[0]
+    data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("actuators" in data or data.keys().isdisjoint(_SCENE_KEYS))):
         return _sized(load_robot_config(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
     if arguments.allow_massless:

@@ -82,7 +82,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write a robot configuration with the chosen motors and gears, which size, simulate and replay open",
     )
-    parser.add_argument("--write-card", type=Path, dest="write_config", help=argparse.SUPPRESS)  # its name until 0.4
     parser.add_argument(
         "--report", action="store_true", help="write the report of the selection as one HTML page, report.html in DIR"
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bellcrank.commands.options import (
     add_allow_massless,
@@ -20,12 +19,6 @@ from bellcrank.commands.output_files import list_on_failure
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value
-
-if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
-    from bellcrank.motion.motion import Motion
-    from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,15 +84,6 @@ def run(arguments: argparse.Namespace) -> int:
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     return 0 if sizing.inside else 1
-
-
-def chosen(config: RobotConfig, robot: Robot, names: list[str]) -> tuple[Mechanism, list[Motion]]:
-    """The old name of `bellcrank.sizing.subject.mechanism_and_motions`, until 0.6."""
-    from bellcrank import deprecated
-    from bellcrank.sizing.subject import mechanism_and_motions
-
-    deprecated.warn("bellcrank.commands.size.chosen", "bellcrank.sizing.subject.mechanism_and_motions")
-    return mechanism_and_motions(config, robot, names or None)
 
 
 def parse_share(text: str) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -294,9 +294,13 @@ class Fields:
 
     def done(self) -> None:
         """Refuse keys that were not read. Raises InputError, which suggests the nearest known key."""
+        self.only(self._asked)
+
+    def only(self, keys: Collection[str]) -> None:
+        """Refuse keys other than these, before their values are read. Raises InputError as `done`."""
         for key in self:
-            if key not in self._asked:
-                raise self.error(key, unknown_name("key", key, self._asked))
+            if key not in keys:
+                raise self.error(key, unknown_name("key", key, keys))
 
 
 def _place(where: str, path: str) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
-from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust, for_files_only
 from bellcrank.files.temporaries import new_folder
@@ -49,7 +48,6 @@ class NotebookPage:
         return f"a replay of {len(self.page) / 1e6:.2f} MB"
 
 
-@renamed_arguments(thing="source")
 def replay(
     source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     path: str | Path | None = None,
@@ -107,7 +105,6 @@ def replay(
     return write_page(film_of(loaded, robot, trace=trace, detail=detail, title=title), target, plots=plots)
 
 
-@renamed_arguments(thing="source")
 def show(
     source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     *,

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank import arguments
-from bellcrank.deprecated import renamed_arguments
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust, for_files_only
 from bellcrank.motion.motion import Motion
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 
-@renamed_arguments(thing="source")
 def report(
     source: Trajectory | Sizing | Selection | Sweep | str | Path,
     path: str | Path | None = None,

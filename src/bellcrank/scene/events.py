@@ -166,6 +166,7 @@ def _read_condition(
     read: Fields, robot: Robot, parameters: Mapping[str, Any], constraints: Sequence[Constraint]
 ) -> Condition:
     read.known(*CONDITIONS, "position", "velocity")
+    read.done()
     there = [key for key in CONDITIONS if key in read]
     if there == ["expression"]:
         condition: Condition = ExpressionVanishes(read_expression(read, robot, parameters))
@@ -186,7 +187,6 @@ def _read_condition(
         raise read.error(there[1], f"expected one condition, found {' and '.join(there)}")
     else:
         condition = _read_joint_condition(read, robot)
-    read.done()
     return condition
 
 

@@ -18,7 +18,6 @@ from bellcrank.elements.element import entry_names
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import START_KEYS
-from bellcrank.scene.renamed_keys import rename_keys, rename_path
 from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
@@ -46,34 +45,28 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     return path.strip(), read_value(value, f"override {format_value(path.strip())}: {format_value(value)}")
 
 
-def apply_overrides(
-    data: Mapping[str, Any], overrides: Mapping[str, Any], where: str
-) -> tuple[SourceMapping, tuple[str, ...]]:
-    """Copy a scene's mapping with overrides applied. Returns the copy, and a note on each old key that they use.
+def apply_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> SourceMapping:
+    """Copy a scene's mapping with overrides applied.
 
-    Each key that an override sets is marked with the path of the override. Raises InputError, with the file `where`,
-    for a path that does not exist.
+    Each key that an override sets is marked with the path of the override. Raises InputError for a path that does not
+    exist.
     """
     overrides = arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES)
     changed: SourceMapping = source_mapping(data)
-    notes: list[str] = []
-    written: dict[str, str] = {}
-    for path, value in overrides.items():
-        new_path, note = rename_path(path.strip())
-        if not new_path:
-            raise InputError(f"override {format_value(path)}: expected a path of keys with dots, such as simulate.rtol")
-        if new_path in written:
-            raise InputError(f"overrides '{written[new_path]}' and '{path}' set the same key; keep '{new_path}' only")
-        written[new_path] = path
-        notes += [note] if note else []
+    for given, value in overrides.items():
+        path = given.strip()
+        if not path:
+            raise InputError(
+                f"override {format_value(given)}: expected a path of keys with dots, such as simulate.rtol"
+            )
         try:
-            _set(changed, new_path, source_mapping(value, path.strip()), path.strip())
+            _set(changed, path, source_mapping(value, path))
         except InputError as error:
-            raise InputError(" ".join(f"override '{path}': {error}".splitlines())) from None
-    return changed, (*notes, *rename_keys(changed, where))
+            raise InputError(" ".join(f"override '{given}': {error}".splitlines())) from None
+    return changed
 
 
-def _set(data: SourceMapping, path: str, value: Any, override: str) -> None:
+def _set(data: SourceMapping, path: str, value: Any) -> None:
     at: Any = data
     holder, at_key = data, ""  # a change within a list is recorded at the key of the list
     keys = _with_parameter(data, path, value)
@@ -99,7 +92,7 @@ def _set(data: SourceMapping, path: str, value: Any, override: str) -> None:
             raise InputError(
                 f"'{at_key}' is {format_value(at)}, not a mapping or a list; cannot set '{'.'.join(keys)}' in it"
             )
-    holder.overrides[at_key] = override
+    holder.overrides[at_key] = path
 
 
 def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:

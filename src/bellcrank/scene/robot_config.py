@@ -18,7 +18,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -26,7 +26,7 @@ from bellcrank.actuators.actuator_fields import actuators_from_fields, catalogue
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, transmissions_from_fields
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
-from bellcrank.deprecated import Renamed
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
@@ -36,7 +36,6 @@ from bellcrank.motion.entry_kinds import check_references, read_motion_entry
 from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file, xacro_values
 from bellcrank.scene.robot_path import robot_access, robot_path
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
@@ -59,7 +58,7 @@ Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotConfig(Renamed):
+class RobotConfig:
     """The contents of a robot configuration, checked as far as that is possible without reading the URDF.
 
     Configurations are made by `load_robot_config`.
@@ -85,7 +84,6 @@ class RobotConfig(Renamed):
         notes: Sentences that every result lists among its notes.
         file: The contents of the robot file; None: it is read when the robot is loaded.
         access: The rule which files the configuration may name.
-        deprecations: A note on each key of the file that was renamed in 0.5.
         overrides: The values that sizing or a selection changed in the file, by dotted path.
 
     Example:
@@ -114,10 +112,7 @@ class RobotConfig(Renamed):
     notes: tuple[str, ...] = ()
     file: RobotFile | None = field(default=None, repr=False, compare=False)
     access: FileAccess | None = field(default=None, repr=False, compare=False)
-    deprecations: tuple[str, ...] = field(default=(), repr=False, compare=False)
     overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
-
-    renamed: ClassVar[Mapping[str, str]] = {"drives": "actuators"}
 
     @property
     def coupled_motors(self) -> tuple[str, ...]:
@@ -243,7 +238,7 @@ def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotCo
     if not urdf:
         return read_config(source, FileAccess.of(source, trust))
     data, access = robot_file_data(source, trust)
-    return _config(data, source, access, ())
+    return _config(data, source, access)
 
 
 def robot_file_data(source: Path, trust: Trust = ()) -> tuple[SourceMapping, FileAccess]:
@@ -287,17 +282,18 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
 def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
     """Read a configuration's YAML file. Raises InputError, one sentence with file, line and key."""
     path = Path(path)
-    data, notes = read_scene_data(path)
-    return _config(data, path, FileAccess.of(path) if access is None else access, notes)
+    data = source_mapping(read_yaml(path))
+    return _config(data, path, FileAccess.of(path) if access is None else access)
 
 
-def _config(data: Mapping[str, Any], path: Path, access: FileAccess, deprecations: tuple[str, ...]) -> RobotConfig:
+def _config(data: Mapping[str, Any], path: Path, access: FileAccess) -> RobotConfig:
     merged, file = with_robot_file(data, path, access)
     fields = Fields(merged, str(path), access=access)
+    fields.only((*CONFIG_KEYS, *SCENE_KEYS))
     config = config_from_fields(fields, path)
     fields.known(*SCENE_KEYS)
     fields.done()
-    return replace(config, deprecations=deprecations, file=file)
+    return replace(config, file=file)
 
 
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:

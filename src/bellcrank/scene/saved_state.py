@@ -135,8 +135,8 @@ def _latch_velocity(file: Path, arrays: Mapping[str, Array], robot: Robot) -> Ar
     velocity = arrays.get("latch_velocity")
     if velocity is None:
         raise InputError(
-            f"{file}: the run ended with a latch, but the velocity after its impact is missing, as in files of "
-            "bellcrank 0.4 and in checkpoints; load it and save it again: bc.load_run(FILE).save(FILE)"
+            f"{file}: the run ended with a latch, but the velocity after its impact is missing, as in "
+            "checkpoints; load it and save it again: bc.load_run(FILE).save(FILE)"
         )
     if velocity.shape != (robot.nv,):
         raise InputError(f"{file}: 'latch_velocity' has the shape {velocity.shape}, expected ({robot.nv},)")

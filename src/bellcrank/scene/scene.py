@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
-from bellcrank.deprecated import Renamed
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
@@ -41,8 +41,8 @@ from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides
-from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import (
+    CONFIG_KEYS,
     SCENE_KEYS,
     RobotConfig,
     config_from_fields,
@@ -52,7 +52,7 @@ from bellcrank.scene.robot_config import (
 from bellcrank.scene.robot_file_entries import with_robot_file, without_robot_file
 from bellcrank.scene.saved_state import RunScene
 from bellcrank.scene.settings import Settings, check_rows, read_settings
-from bellcrank.scene.source_mapping import plain
+from bellcrank.scene.source_mapping import plain, source_mapping
 from bellcrank.scene.study import Study, read_study
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scene(Portable, Renamed):
+class Scene(Portable):
     """The contents of a scene file, checked against the robot. Scenes are made by `load_scene`.
 
     A scene is a description only: `simulate`, `size`, `sweep` and `replay` take it and solve its equations. It does not
@@ -110,15 +110,6 @@ class Scene(Portable, Renamed):
     source_data: Mapping[str, Any] = field(repr=False)
     access: FileAccess = field(repr=False)
     loop_files: dict[str, str] = field(repr=False, default_factory=dict)
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "card": "config",
-        "closures": "constraints",
-        "start": "bellcrank.dynamics.consistent_start:consistent_start",
-        "system": "bellcrank.dynamics.system:system_of",
-        "system_parameters": "bellcrank.dynamics.system:system_parameters",
-        "notes": "bellcrank.simulation.scene_notes:scene_notes",
-    }
 
     def __repr__(self) -> str:
         return f"Scene('{self.name}', {self.robot!r}, from {self.source.name})"
@@ -189,17 +180,16 @@ class Scene(Portable, Renamed):
             >>> scene.parameter_values.tolist()
             [1.25, 1.2, 1.2, 1.241]
         """
-        data, notes = apply_overrides(self.source_data, overrides, str(self.source))
+        data = apply_overrides(self.source_data, overrides)
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
             return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
 
-        notes = tuple(dict.fromkeys((*self.config.deprecations, *notes)))
         if self.config.file is not None and any(data.get(k) != self.source_data.get(k) for k in ("urdf", "robot_file")):
             bare = without_robot_file(self.source_data, self.config.file)
-            data, notes = apply_overrides(bare, overrides, str(self.source))
+            data = apply_overrides(bare, overrides)
         same_robot = own(data) == own(self.source_data)
-        changed = _read(data, self.source, self.access, notes, self if same_robot else None)
+        changed = _read(data, self.source, self.access, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
@@ -391,23 +381,16 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     if overrides is not None:
         arguments.mapping("overrides", overrides, "a mapping such as {'simulate.rtol': 1e-6}")
     source, urdf = find_config(path_or_name)
-    notes: tuple[str, ...] = ()
     if urdf:
         data, access = robot_file_data(source, trust)
     else:
-        (data, notes), access = read_scene_data(source), FileAccess.of(source, trust)
-    if overrides:
-        data, more = apply_overrides(data, overrides, str(source))
-        notes += more
-    return _read(data, source, access, tuple(dict.fromkeys(notes)))
+        data, access = source_mapping(read_yaml(source)), FileAccess.of(source, trust)
+    return _read(apply_overrides(data, overrides) if overrides else data, source, access)
 
 
 def load_held_scene(source: Path) -> Scene:
-    """Read the scene of a file that may name files in its own folder only. Raises InputError as `load_scene` does.
-
-    Such files are written by programs. Old keys in them cause no deprecation notes.
-    """
-    return _read(read_scene_data(source)[0], source, FileAccess(source.parent, source.parent, held=True))
+    """Read the scene of a file that may name files in its own folder only. Raises InputError as `load_scene` does."""
+    return _read(source_mapping(read_yaml(source)), source, FileAccess(source.parent, source.parent, held=True))
 
 
 def scene_of_run(source: Path) -> RunScene:
@@ -416,13 +399,7 @@ def scene_of_run(source: Path) -> RunScene:
     return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch))
 
 
-def _read(
-    data: Mapping[str, Any],
-    source: Path,
-    access: FileAccess,
-    deprecations: tuple[str, ...] = (),
-    like: Scene | None = None,
-) -> Scene:
+def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
     """Read a scene from a mapping.
 
     `like` is a scene whose mapping has the same robot configuration; its configuration and robot are used again.
@@ -431,11 +408,13 @@ def _read(
     if like is None:
         data, file = with_robot_file(data, source, access)
     read = Fields(data, str(source), access=access)
+    read.only((*CONFIG_KEYS, *SCENE_KEYS))  # first: what refers to the entries of a misspelt key is then not blamed
     config = replace(config_from_fields(read, source), file=file)
-    robot, motion_of = (config.robot(), None) if like is None else (like.robot, like.motion_of)
-    config = replace(config if like is None else like.config, deprecations=deprecations)
-    if motion_of is None:
-        motion_of = _Motions(config, robot)
+    if like is None:
+        robot = config.robot()
+        motion_of: Callable[[str], Motion] = _Motions(config, robot)
+    else:
+        config, robot, motion_of = like.config, like.robot, like.motion_of
     names = read.raw("parameters", {})
     context = ReadContext(robot, config.motions, motion_of, names if isinstance(names, Mapping) else {})
     constraints = read_constraints(read, context)

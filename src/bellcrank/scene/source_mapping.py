@@ -30,15 +30,6 @@ class SourceMapping(Lines):
         copy.overrides = dict(getattr(other, "overrides", {}))
         return copy
 
-    def rename(self, old: str, new: str) -> None:
-        """Rename a key; its position among the other keys, its line and its override are kept."""
-        items = [(new if key == old else key, value) for key, value in self.items()]
-        self.clear()
-        self.update(items)
-        for sources in (self.lines, self.overrides):
-            if old in sources:
-                sources[new] = sources.pop(old)  # type: ignore[assignment]
-
 
 def source_mapping(value: Any, override: str | None = None, depth: int = 0) -> Any:
     """Copy YAML data with the lines of its keys, numpy values converted to plain numbers.

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.deprecated import Renamed
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -22,7 +19,7 @@ NO_SIGNALS: Array = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Latch(Renamed):
+class Latch:
     """A latch that closed: a plastic impact that the constraints take part in.
 
     Attributes:
@@ -33,8 +30,6 @@ class Latch(Renamed):
             its multiplier times s.
         energy_lost: Kinetic energy lost in the impact, J.
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"closure_impulses": "constraint_impulses"}
 
     velocity: Array
     impulse: float

@@ -88,8 +88,8 @@ def named(check: Check) -> Check:
     return checked
 
 
-def keys(known: Mapping[str, Check], optional: Collection[str] = ()) -> Check:
-    """A mapping of these keys, of which only the optional ones may be missing, to what their checks accept."""
+def keys(known: Mapping[str, Check]) -> Check:
+    """A mapping of exactly these keys to what their checks accept."""
 
     def checked(value: Any, name: str) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -101,7 +101,7 @@ def keys(known: Mapping[str, Check], optional: Collection[str] = ()) -> Check:
                 raise ValueError(f"'{path}' is not known; expected {', '.join(known)}")
             found[key] = known[key](entry, path)
         for key in known:
-            if key not in found and key not in optional:
+            if key not in found:
                 raise ValueError(f"the key '{f'{name}.{key}' if name else key}' is missing")
         return found
 

@@ -52,8 +52,8 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     file = arguments.path("path", path, "the path of a run (.npz)")
     about, arrays, scene = _read(file)
     with refusing(file):
-        robot, settings, estimate = scene.robot, about["settings"], about.get("error_estimate")
-        robot.mesh_source = Path(file_name_here(about.get("urdf") or str(robot.source)))
+        robot, settings, estimate = scene.robot, about["settings"], about["error_estimate"]
+        robot.mesh_source = Path(file_name_here(about["urdf"]))
         robot.mesh_access = FileAccess.below(file.parent, trust)
         check_arrays(about, arrays, scene, (robot.nq + robot.nv + system_of(scene).has_work,))
         p = np.concatenate([arrays["parameters"], system_parameters(scene)[len(arrays["parameters"]) :]])

@@ -40,23 +40,19 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-OLD_STATUSES = ("drive_ended",)  # of version 0.4
 UNIT = 1e-6  # by which the length of a unit vector in the state may differ from 1; the solver keeps it to rounding
 SAME = 1e-9  # relative difference of a number that the file holds twice
 
 
-_STABILISATION = keys(
-    {"kind": one_of(STABILISATIONS), "alpha": amount, "beta": amount, "auto": flag}, optional=("auto",)
-)
+_STABILISATION = keys({"kind": one_of(STABILISATIONS), "alpha": amount, "beta": amount, "auto": flag})
 _SETTINGS = keys(
     {
         "duration": positive, "solver": text, "rtol": positive, "atol": positive, "step": maybe(positive),
         "first_step": maybe(positive), "max_step": maybe(positive), "samples": count, "max_evaluations": count,
         "stabilisation": lambda value, name: Stabilisation(**_STABILISATION(value, name)),
-    },
-    optional=("stabilisation",),
+    }
 )  # fmt: skip
-_UNRESOLVED = keys({"event": text, "steps": count, "first": amount, "undefined": flag}, optional=("undefined",))
+_UNRESOLVED = keys({"event": text, "steps": count, "first": amount, "undefined": flag})
 _STATISTICS = keys(
     {
         "steps": count, "rejected": count, "evaluations": count, "jacobians": count, "factorisations": count,
@@ -65,23 +61,18 @@ _STATISTICS = keys(
         "switches": count, "switch_times": each(amount),
         "unresolved": each(lambda value, name: Unresolved(**_UNRESOLVED(value, name))),
         "longest_step": maybe(amount), "omitted_events": named(count),
-    },
-    optional=(
-        "stiff_steps", "stiff_since", "implicit_steps", "implicit_evaluations", "switches", "switch_times",
-        "unresolved", "longest_step", "omitted_events",
-    ),
+    }
 )  # fmt: skip
 _ABOUT = keys(
     {
         "format": text, "version": count, "scene": text, "urdf": path, "files": named(text),
-        "status": lambda value, name: Status(one_of((*Status, *OLD_STATUSES))(value, name)),
+        "status": lambda value, name: Status(one_of(tuple(Status))(value, name)),
         "settings": lambda value, name: Settings(**_SETTINGS(value, name)),
         "statistics": _STATISTICS, "error_estimate": maybe(amount),
         "events": each(keys({"name": text, "stopped": flag})),
         "signals": each(keys({"derivatives": count, "kinked": flag})),
         "versions": anything, "machine": anything,
-    },
-    optional=("urdf", "error_estimate", "versions", "machine"),
+    }
 )  # fmt: skip
 
 
@@ -92,7 +83,7 @@ def checked_about(about: dict[str, Any]) -> dict[str, Any]:
     """
     found: dict[str, Any] = _ABOUT(about, "")
     statistics = found["statistics"]
-    lists = {name: tuple(statistics.get(name, ())) for name in ("unresolved", "switch_times")}
+    lists = {name: tuple(statistics[name]) for name in ("unresolved", "switch_times")}
     found["statistics"] = Statistics(**statistics | lists)
     return found
 

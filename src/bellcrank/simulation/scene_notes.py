@@ -52,7 +52,6 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_events(scene),
         *_coupled_motors(scene),
         *scene.config.notes,
-        *scene.config.deprecations,
     )
 
 

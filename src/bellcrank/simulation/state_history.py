@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.deprecated import Renamed
 from bellcrank.dynamics.constraint_alignment import alignment_cosines_along, full_angle_residuals
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.system import system_of
@@ -37,13 +36,11 @@ BLOCK_NUMBERS, LEAST_ROWS, MOST_ROWS = 500_000, 1024, 65_536
 
 
 @dataclass(frozen=True, eq=False)
-class StateHistory(Portable, Renamed):
+class StateHistory(Portable):
     """Rows of time (n,) s and state (n, nx) of a scene; the base class of `Trajectory`.
 
     The state x is q, v and, where forces do work that is not stored, the work W (J).
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"closure": "constraint", "closure_residuals": "constraint_residuals"}
 
     scene: Scene
     settings: Settings

@@ -18,11 +18,6 @@ class Status(StrEnum):
     PRESCRIBED_MOTION_ENDED = "prescribed_motion_ended"
     TURNED_OVER = "turned_over"
 
-    @classmethod
-    def _missing_(cls, value: object) -> Status | None:
-        """Statuses of files that version 0.4 wrote."""
-        return cls.PRESCRIBED_MOTION_ENDED if value == "drive_ended" else None
-
     @property
     def success(self) -> bool:
         """Whether the run reached its duration or an event with `stop: true`."""

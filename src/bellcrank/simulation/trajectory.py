@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,6 @@ from bellcrank.simulation.statistics import Statistics
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.figure import Figure
 
     from bellcrank.simulation.constraint_rank import ConstraintRank
@@ -63,8 +61,6 @@ class Trajectory(StateHistory):
         >>> run.success, run.events[-1].name, bool(run.energy_drift() < 1e-8)
         (True, 'lock', True)
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {**StateHistory.renamed, "closure_rank": "constraint_rank"}
 
     status: Status
     events: tuple[Event, ...]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.deprecated import Renamed
 from bellcrank.dynamics.mechanism import AppliedForce
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
@@ -38,7 +37,7 @@ class SizingInputs(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sizing(Portable, Renamed):
+class Sizing(Portable):
     """The sizing of a robot over its motions, made by `bellcrank.size`.
 
     `print` shows its tables and the verdict; a notebook shows them as HTML tables.
@@ -70,8 +69,6 @@ class Sizing(Portable, Renamed):
         >>> sizing.inside, sizing.motions
         (True, ('lift_and_return',))
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"study": "inputs", "undriven": "joints_without_actuator"}
 
     robot: str
     motions: tuple[str, ...]

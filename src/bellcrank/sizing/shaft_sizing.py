@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.deprecated import Renamed
 from bellcrank.sizing.margins import LEAST_MARGIN
 
 
@@ -29,7 +27,7 @@ class Peak:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShaftSizing(Renamed):
+class ShaftSizing:
     """What the motor of one joint must deliver at its shaft, compared with the limits of its actuator.
 
     Attributes:
@@ -53,8 +51,6 @@ class ShaftSizing(Renamed):
         >>> shaft.verdict
         'inside (rated torque +40.8%)'
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"drive": "actuator"}
 
     actuator: Actuator
     peak_torque: Peak | None

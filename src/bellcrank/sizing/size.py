@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.deprecated import renamed_arguments
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.files.access import Trust
 from bellcrank.robot.payload import Payload
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 
-@renamed_arguments(drives="actuators")
 def size(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,

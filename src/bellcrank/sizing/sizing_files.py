@@ -148,7 +148,6 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "mass_tolerance": sizing.mass_tolerance,
         "mass_tolerance_percent": float(f"{100.0 * sizing.mass_tolerance:.10g}"),
         "joints_without_actuator": list(sizing.joints_without_actuator),
-        "joints_without_drive": list(sizing.joints_without_actuator),  # its name before 0.5
         "files": list(files),
         "inside": sizing.inside,
         "exceeded": list(sizing.exceeded),
@@ -232,10 +231,8 @@ def _load_document(load: StructureLoad) -> dict[str, Any]:
 
 
 def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
-    actuator = _actuator_document(shaft.actuator)
     document = {
-        "actuator": actuator,
-        "drive": actuator,  # its name before 0.5
+        "actuator": _actuator_document(shaft.actuator),
         "peak_torque": _peak(shaft.peak_torque),
         "rms_torque": shaft.rms_torque,
         "peak_speed": _peak(shaft.peak_speed),

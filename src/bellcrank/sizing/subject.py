@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.errors import InputError
@@ -43,7 +44,7 @@ class SizingSubject(NamedTuple):
         if config is None:
             return ()
         duty = "the duty program of the configuration is not used: each motion is a cycle; `bellcrank select` uses it"
-        return (*config.notes, *config.deprecations, *override_notes(config), *([duty] if config.duty else []))
+        return (*config.notes, *override_notes(config), *([duty] if config.duty else []))
 
 
 def override_notes(config: RobotConfig) -> list[str]:
@@ -155,11 +156,10 @@ def mechanism_and_motions(
 
 def _mechanism(config: RobotConfig, robot: Robot) -> Mechanism:
     """The mechanism of a configuration's file, with its constraints, forces and parameters."""
-    from bellcrank.scene.renamed_keys import read_scene_data
     from bellcrank.scene.scene import load_scene
 
     is_robot_file = config.source.resolve() == config.urdf.resolve()
-    alone = is_robot_file or read_scene_data(config.source)[0].keys().isdisjoint(SCENE_KEYS)
+    alone = is_robot_file or read_yaml(config.source).keys().isdisjoint(SCENE_KEYS)
     if alone and not (config.file and (config.file.loops or config.file.springs)):
         return OpenChain(robot, actuated=config.actuated or None)
     trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]

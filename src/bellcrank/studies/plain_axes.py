@@ -19,7 +19,6 @@ from bellcrank.config.units import units_for
 from bellcrank.elements.element import joint_unit
 from bellcrank.elements.parameters import inertias_set, parameter_bounds
 from bellcrank.robot.pinocchio_model import LEAST_MASS
-from bellcrank.scene.renamed_keys import rename_path
 from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import FINEST_RTOL
@@ -89,7 +88,7 @@ def plain_axes(scene: Scene, axes: Sequence[DesignAxis]) -> tuple[PlainAxis, ...
 
 
 def _plain_axis(scene: Scene, column: int, axis: DesignAxis) -> PlainAxis | None:
-    place = _place(scene, rename_path(axis.path.strip())[0])
+    place = _place(scene, axis.path.strip())
     if place is None or not axis.numeric:
         return None
     kind, name, unit = place

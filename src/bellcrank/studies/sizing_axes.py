@@ -27,7 +27,6 @@ from bellcrank.motion.entry_kinds import DwellEntry, JoinEntry
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.pinocchio_model import LEAST_MASS
 from bellcrank.robot.traced_tree import INERTIA, MASS, ORIGIN, SCALE
-from bellcrank.scene.renamed_keys import rename_path
 from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -148,7 +147,7 @@ def factors(axes: Sequence[DesignAxis], changes: Sequence[Change]) -> Array:
 
 def _change(scene: Scene, path: str) -> tuple[Change, str]:
     """What a path changes, and the target of the parameter that it needs in the scene, if any."""
-    path = rename_path(path.strip())[0]
+    path = path.strip()
     name = path.removeprefix("parameters.").removesuffix(".value")
     parts = (*scene.forces, *scene.control, *scene.constraints)
     if name in scene.parameters:

@@ -10,7 +10,6 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.scene.renamed_keys import rename_path
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.study import METHODS, MOST_POINTS, Study
 from bellcrank.studies.axes import Axis, parse_values, read_axis
@@ -110,7 +109,7 @@ def _refuse_repeated(scene: Scene, axes: Sequence[Axis]) -> None:
 
 def _target(scene: Scene, path: str) -> str:
     """A path in one spelling: a parameter by its name, and a joint of the start without "guess"."""
-    path = rename_path(path.strip())[0]
+    path = path.strip()
     name = path.removeprefix("parameters.").removesuffix(".value")
     if name in scene.parameters:
         return name

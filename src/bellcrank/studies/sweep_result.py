@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.deprecated import Renamed
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import Scene
@@ -34,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep(Portable, Renamed):
+class Sweep(Portable):
     """The result of `sweep`: designs over the grid of all combinations of values (the last axis fastest) or a sample.
 
     Attributes:
@@ -53,8 +52,6 @@ class Sweep(Portable, Renamed):
         >>> bc.sweep("four_bar", {"crank_length": [1.22, 1.23, 1.24]})
         Sweep('Deployable four-bar' over crank_length: 3 designs, 3 finished)
     """
-
-    renamed: ClassVar[Mapping[str, str]] = {"telling": "default_measures"}
 
     scene: Scene
     space: DesignSpace

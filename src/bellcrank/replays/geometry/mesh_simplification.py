@@ -73,7 +73,8 @@ class Simplifier:
         edges, pairs = self._edges, self._edges.pairs
         allowed = np.flatnonzero(edges.costs <= tolerance**2)
         # by cost in powers of 4, and scattered within one power: else neighbours would wait for each other in a row
-        cost = np.log2(np.maximum(edges.costs[allowed] / tolerance**2, 4.0**-LEVELS)) // 2.0
+        share = edges.costs[allowed] / (tolerance**2 or 1.0)  # without a tolerance, edges that cost nothing
+        cost = np.log2(np.maximum(share, 4.0**-LEVELS)) // 2.0
         allowed = allowed[np.lexsort((edges.keys[allowed] * SCATTER % 2**61, cost))]
         chosen = allowed[_apart(pairs[allowed], self.faces, len(self._vertices))]
         kept = _turns_nothing(self._vertices, self.faces, pairs[chosen], edges.places[chosen])

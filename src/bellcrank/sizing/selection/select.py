@@ -222,6 +222,6 @@ def _assumed_notes(catalogue: Catalogue, conditions: Conditions) -> list[str]:
 def _subject_warnings(subject: SizingSubject) -> list[str]:
     robot = subject.mechanism.robot
     config = subject.config
-    notes = () if config is None else (*config.notes, *config.deprecations, *override_notes(config))
+    notes = () if config is None else (*config.notes, *override_notes(config))
     found = [*notes, *robot.findings, *robot.inertia_warnings]
     return found + motion_warnings(subject.mechanism, subject.motions)

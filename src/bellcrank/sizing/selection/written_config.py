@@ -15,14 +15,14 @@ import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import FileAccess
 from bellcrank.robot import catalog
 from bellcrank.scene.overrides import apply_overrides
-from bellcrank.scene.renamed_keys import read_scene_data
 from bellcrank.scene.robot_config import RobotConfig, read_config
-from bellcrank.scene.source_mapping import plain, source_mapping
+from bellcrank.scene.source_mapping import plain
 from bellcrank.sizing.selection.actuator_masses import bodies_of
 from bellcrank.sizing.selection.tables import percent, selected_for
 from bellcrank.text import file_name_here, one_line
@@ -90,11 +90,9 @@ def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
     if config.source.resolve() == config.urdf.resolve():
         named = next((name for name, urdf in catalog.names().items() if urdf == config.urdf), None)
         written = {"name": config.name, "urdf": named or _relative(config.urdf, folder)}
-        changed: dict[str, Any] = plain(
-            apply_overrides(source_mapping(written), config.overrides, str(config.source))[0]
-        )
+        changed: dict[str, Any] = plain(apply_overrides(written, config.overrides))
         return changed
-    original = apply_overrides(read_scene_data(config.source)[0], config.overrides, str(config.source))[0]
+    original = apply_overrides(read_yaml(config.source), config.overrides)
     data: dict[str, Any] = _moved(plain(original), config.source.resolve().parent, folder)
     return {"name": config.name} | data
 
