@@ -78,6 +78,7 @@ def test_a_deep_copy_of_a_run_has_arrays_of_its_own():
     np.testing.assert_array_equal(run.state, before)
 
 
+@pytest.mark.tier2
 def test_a_copied_sizing_says_the_same(copied):
     sizing = bc.size("planar_2r")
     again = copied(sizing)
@@ -141,6 +142,7 @@ def test_a_constraint_of_ones_own_is_pickled_by_its_function_where_that_has_a_na
         pickle.dumps(nameless)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_processes_of_a_pool_take_scenes_and_give_back_runs(method):
     scenes = [bc.load_scene("planar_2r_swing", {"initial.shoulder": angle}) for angle in (0.3, 0.6)]

@@ -39,6 +39,7 @@ def scene_text(name):
     )
 
 
+@pytest.mark.tier2
 def test_names_of_other_alphabets_pass_every_command_in_a_locale_without_them(tmp_path):
     folder = tmp_path / "é"
     folder.mkdir()
@@ -78,6 +79,7 @@ def test_file_names_of_any_bytes_become_utf_8_texts():
     assert file_name_here("é") == "é"
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     "variables",
     [
@@ -96,6 +98,7 @@ def test_variables_of_the_environment_are_in_nobodys_way(tmp_path, variables):
     assert "Traceback" not in said and (tmp_path / "a.png").stat().st_size > 1000
 
 
+@pytest.mark.tier2
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of memory are read from /proc")
 def test_samples_that_do_not_fit_are_refused_with_how_many_do_and_so_many_do(tmp_path):
     program = (
@@ -151,11 +154,13 @@ def test_the_memory_of_a_group_counts_the_files_it_caches_as_free(tmp_path, monk
     assert memory._of_group() == [800]
 
 
+@pytest.mark.tier2
 def test_a_variable_of_the_progress_bar_that_it_does_not_take_is_named(tmp_path):
     codes, said = run(tmp_path, "simulate|pendulum|--duration|0.1|--no-plots", TQDM_MININTERVAL="often")
     assert codes == [2] and said.startswith("bellcrank: environment variable TQDM_") and "'often'" in said
 
 
+@pytest.mark.tier2
 def test_letters_that_the_font_lacks_are_drawn_without_a_warning(tmp_path, recwarn):
     scene = tmp_path / "scene.yaml"
     scene.write_text(f"name: {NAME}\nurdf: pendulum\nsimulate: {{duration: 0.1, samples: 11}}\n", encoding="utf-8")

@@ -68,6 +68,7 @@ def test_a_mass_matrix_of_many_joints_grows_with_their_number_and_is_the_whole_o
     assert affine(operations)
 
 
+@pytest.mark.tier2
 def test_a_chain_of_300_links_is_traced_within_a_gigabyte(tmp_path):
     """One array of n x n x n symbols would take several. VmHWM, as ru_maxrss begins with that of the tests' process."""
     path = tmp_path / "chain.urdf"
@@ -95,6 +96,7 @@ def test_an_algorithm_is_traced_once_for_all_who_ask():
 # ---- constraints
 
 
+@pytest.mark.tier2
 def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
     counts = {"rhs": [], "fallback": [], "project": [], "entries": []}
     for loops in (4, 8, 16):
@@ -106,6 +108,7 @@ def test_equations_of_a_row_of_loops_grow_with_the_number_of_loops():
     assert counts["entries"][-1] < 13 * 16  # φ, φ̇ and the few entries of J of each loop, not 2 N (2 N + 1)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("case", ["n_four_bar", "bricard", "rolling_disk", "five_bar"])
 def test_the_sparse_jacobian_of_constraints_is_that_of_finite_differences(case):
     scene = n_four_bar(5) if case == "n_four_bar" else load_scene(case)
@@ -174,6 +177,7 @@ def sums(seed=0):
     return casadi.Function("sums", [x], [casadi.vertcat(*columns)])
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("waiting", "seldom", "joined"), [(10**9, False, True), (50, False, False), (10**9, True, False)]
 )

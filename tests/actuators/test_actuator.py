@@ -113,7 +113,7 @@ def test_use_of_the_curve_says_inside_exactly_when_the_torque_is_available(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ratio": 0}, "drives.shoulder.ratio: expected more than 0"),
+        ({"ratio": 0}, "actuators.shoulder.ratio: expected more than 0"),
         ({"efficiency": 1.2}, "at most 1"),
         ({"rated_speed": "3 kg"}, "expected a number in rad/s"),
         ({"rotor_inertia": -1}, "0 kg m.2 or more"),
@@ -131,7 +131,7 @@ def test_use_of_the_curve_says_inside_exactly_when_the_torque_is_available(
 )
 def test_impossible_drives_are_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        actuator_from_fields(Fields(GOOD | change, "x.yaml", "drives.shoulder"))
+        actuator_from_fields(Fields(GOOD | change, "x.yaml", "actuators.shoulder"))
 
 
 def test_units_of_a_card_are_read() -> None:

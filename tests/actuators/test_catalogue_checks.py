@@ -187,6 +187,7 @@ FIGURES = [one.name for one in fields(bc.Motor) if "float" in str(one.type) and 
 OF_GEARS = [one.name for one in fields(bc.Gear) if "float" in str(one.type)]
 
 
+@pytest.mark.tier2
 @given(st.fixed_dictionaries({name: EXTREME for name in FIGURES}), st.sampled_from([None, "dc", "phase_rms"]))
 def test_checks_of_extreme_motors_say_something_or_nothing(values: dict[str, Any], basis: Any) -> None:
     values["max_efficiency"] = None

@@ -283,6 +283,7 @@ def products(kind: type[Any], columns: dict[str, Column], kinds: list[str]) -> s
     return st.lists(one(), max_size=4)
 
 
+@pytest.mark.tier2
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
 @given(
     products(bc.Motor, MOTOR_COLUMNS, list(MOTOR_COLUMNS["kind"].choices)),

@@ -85,6 +85,7 @@ def test_what_is_not_stated_stays_unknown() -> None:
 # ---- the DC equivalent of a sinusoidal motor, against the waveforms of its three phases
 
 
+@pytest.mark.tier2
 @given(st.floats(0.01, 2.0), st.floats(0.05, 5.0), st.floats(0.5, 40.0), st.floats(1.0, 500.0), st.integers(1, 20))
 def test_the_dc_equivalent_has_the_loss_and_the_voltage_of_three_phases(
     flux: float, phase_resistance: float, amplitude: float, speed: float, pole_pairs: int

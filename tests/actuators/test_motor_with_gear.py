@@ -97,6 +97,7 @@ def test_a_motor_without_gear_and_an_actuator_sold_as_one() -> None:
         Actuator.of(MOTOR, replace(GEAR, ratio=None))
 
 
+@pytest.mark.tier2
 def test_every_row_of_the_bundled_catalogue_makes_an_actuator_that_reads_back_as_written() -> None:
     catalogue = load_catalogue()
     for motor in catalogue.motors:

@@ -45,6 +45,7 @@ def test_a_curve_interpolates_between_its_points_and_goes_on_as_asked() -> None:
     assert Curves.of([((2.0, 5.0), (3.0, 6.0))]).at(np.array([1.0])) == 5.0  # before the first point
 
 
+@pytest.mark.tier2
 @given(
     st.lists(st.floats(0.01, 50.0), min_size=1, max_size=6),
     st.lists(st.floats(0.0, 10.0), min_size=7, max_size=7),

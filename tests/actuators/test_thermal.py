@@ -85,6 +85,7 @@ def cycles(draw: Any, thermal: ThermalModel, most: float = 0.9) -> HeatCycle:
     return cycle(durations, copper, [draw(st.floats(0.0, 5.0)) for _ in range(count)])
 
 
+@pytest.mark.tier2
 @settings(max_examples=12, deadline=None)
 @given(st.data())
 def test_it_agrees_with_an_integrator_at_tight_tolerance(data: st.DataObject) -> None:

@@ -57,7 +57,7 @@ def test_one_cycle_from_the_fixed_point_returns_to_it(drawn: tuple[ThermalModel,
     assert winding[0].max() <= found.winding_peak[0] + 1e-9 and housing[0].max() <= found.housing_peak[0] + 1e-9
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=10)
 @given(settling())
 def test_a_transient_of_25_of_the_slowest_time_constants_ends_in_the_fixed_point(
     drawn: tuple[ThermalModel, HeatCycle],
@@ -88,6 +88,7 @@ def test_the_periodic_state_by_scipys_integrator() -> None:
 # ---- runaway
 
 
+@pytest.mark.tier2
 @settings(deadline=None)
 @given(settling())
 def test_the_spectral_radius_is_that_of_scipys_matrices(drawn: tuple[ThermalModel, HeatCycle]) -> None:
@@ -96,7 +97,7 @@ def test_the_spectral_radius_is_that_of_scipys_matrices(drawn: tuple[ThermalMode
     assert periodic_temperatures(thermal, heat).spectral_radius[0] == pytest.approx(expected, rel=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=10)
 @given(settling())
 def test_runaway_is_said_exactly_where_the_spectral_radius_reaches_1(drawn: tuple[ThermalModel, HeatCycle]) -> None:
     """The load is bisected until scipy's spectral radius is 1; just below the motor settles, just above it does not."""
@@ -135,7 +136,7 @@ def test_a_cycle_without_losses_stays_at_the_ambient_temperature() -> None:
 # ---- peaks
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=10)
 @given(settling())
 def test_peaks_are_those_of_a_finely_divided_cycle(drawn: tuple[ThermalModel, HeatCycle]) -> None:
     thermal, heat = drawn
@@ -199,7 +200,7 @@ def test_many_motors_at_once_are_each_what_they_are_alone() -> None:
 # ---- the time from cold to a limit
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=10)
 @given(settling(), st.floats(0.05, 1.3))
 def test_the_winding_has_the_limit_at_the_time_found_and_not_before(
     drawn: tuple[ThermalModel, HeatCycle], share: float
@@ -267,6 +268,7 @@ def test_merged_intervals_last_as_asked_and_keep_the_energy() -> None:
         merged(heat, 0.0)
 
 
+@pytest.mark.tier2
 @settings(deadline=None)
 @given(settling(), st.integers(0, 2**32 - 1), st.floats(-2.0, 0.5))
 def test_the_error_of_merged_intervals_is_within_its_bound(

@@ -15,6 +15,7 @@ def distance(found, expected):
     return max(np.abs(found - x).min() / max(1.0, abs(x)) for x in expected)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_eigenvalues_are_the_published_ones(speed, tmp_path):
     linear = bc.linearise(write_bicycle(tmp_path, speed))
@@ -26,6 +27,7 @@ def test_eigenvalues_are_the_published_ones(speed, tmp_path):
     assert np.sort(np.abs(linear.eigenvalues))[:others].max() < 1e-12
 
 
+@pytest.mark.tier2
 def test_it_is_stable_between_weave_and_capsize_speeds_only(tmp_path):
     """Weave speed 4.292 m/s and capsize speed 6.024 m/s: Meijaard et al. 2007, section 6."""
     stable = {speed: bc.linearise(write_bicycle(tmp_path, speed)).stable for speed in (4.29, 4.30, 6.02, 6.03)}
@@ -42,6 +44,7 @@ def test_a_start_that_does_not_quite_roll_is_moved_to_the_steady_motion(tmp_path
     assert linear.kind == "relative equilibrium" and linear.residual < 1e-12
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("speed", [1.0, 5.0, 9.0])
 def test_the_free_base_may_be_the_rear_wheel(speed, tmp_path):
     """The axes of v then turn with the wheel, and the motion is along a turn of the base in its own axes combined with

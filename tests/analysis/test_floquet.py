@@ -25,6 +25,20 @@ def test_a_swinging_pendulum_has_two_multipliers_of_one():
     assert found.stable
 
 
+def test_the_monodromy_from_another_moment_is_the_same_map_along_the_motion():
+    """Φ(t) = X(t) Φ(0) X(t)⁻¹: trace and determinant stay, and the velocity of the orbit is kept: Φ ẋ = ẋ."""
+    amplitude, at = 1.2, 0.37
+    scene = bc.load_scene("pendulum", {"initial.swing": amplitude})
+    period = float(4.0 * ellipk(np.sin(amplitude / 2.0) ** 2) / np.sqrt(G))
+    found = bc.floquet(scene, period, at=at)
+    assert np.trace(found.monodromy) == pytest.approx(2.0, abs=1e-10)
+    assert np.linalg.det(found.monodromy) == pytest.approx(1.0, abs=1e-10)
+    run = bc.simulate(scene, at, rtol=1e-12, atol=1e-12)
+    along = np.array([run.velocity[-1, 0], -G * np.sin(run.position[-1, 0])])
+    assert found.monodromy @ along == pytest.approx(along, rel=1e-8)
+    assert np.abs(found.monodromy - bc.floquet(scene, period).monodromy).max() > 0.1
+
+
 def steady_circle(lean, rate):
     """θ, φ̇ and ω₃ of a steady circle (test_rolling_disk.py)."""
     theta = np.pi / 2.0 + np.radians(lean)
@@ -32,6 +46,7 @@ def steady_circle(lean, rate):
     return theta, (A * rate**2 * s * c - M * G * R * c) / ((C + MRR) * rate * s)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("lean", "rate"), [(20.0, 8.0), (40.0, 12.0)])
 def test_a_steady_circle_without_reduction_has_the_multipliers_of_its_relative_equilibrium(lean, rate):
     """In six coordinates the circle is no relative equilibrium of the symmetries that are known there; exp(λ T) of the

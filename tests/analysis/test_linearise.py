@@ -31,29 +31,6 @@ def test_pendulum():
     matched(inverted.eigenvalues, [np.sqrt(G), -np.sqrt(G)], 1e-13)
 
 
-def test_planar_2r_hanging():
-    """The double pendulum hanging straight, from its Lagrangian.
-
-    With masses m, lengths l, centres of mass c from each joint and moments I about them, q̈ = −M⁻¹ K q with
-    M = [[I₁ + m₁c₁² + I₂ + m₂(l₁² + c₂² + 2 l₁c₂), I₂ + m₂(c₂² + l₁c₂)], […, I₂ + m₂c₂²]] and
-    K = g [[m₁c₁ + m₂(l₁ + c₂), m₂c₂], [m₂c₂, m₂c₂]]; λ² are the eigenvalues of −M⁻¹ K.
-    """
-    scene = bc.load_scene("planar_2r_swing")
-    linear = bc.linearise(scene, at="equilibrium")
-    assert linear.position == pytest.approx([-np.pi / 2, 0.0], abs=1e-12)
-    bodies = [scene.robot.model.inertias[k] for k in (1, 2)]
-    (m1, m2), (c1, c2) = [b.mass for b in bodies], [float(b.lever[0]) for b in bodies]
-    i1, i2 = (float(b.inertia[2, 2]) for b in bodies)
-    l1 = float(scene.robot.model.jointPlacements[2].translation[0])
-    coupling = i2 + m2 * (c2**2 + l1 * c2)
-    mass = np.array([[i1 + m1 * c1**2 + m2 * (l1**2 + l1 * c2) + coupling, coupling], [coupling, i2 + m2 * c2**2]])
-    stiffness = G * np.array([[m1 * c1 + m2 * (l1 + c2), m2 * c2], [m2 * c2, m2 * c2]])
-    roots = np.sqrt(np.linalg.eigvals(-np.linalg.solve(mass, stiffness)).astype(complex))
-    matched(linear.eigenvalues, [*roots, *-roots], 1e-12)
-    assert [name for name, _ in linear.states] == ["shoulder", "elbow", "shoulder rate", "elbow rate"]
-    assert linear.B[2:] == pytest.approx(np.linalg.inv(mass), rel=1e-12)  # torques act through M⁻¹
-
-
 def test_spring_pendulum_at_rest():
     """A mass m on a spring k: along it λ² = −k/m, sideways λ² = −g/r, r = rest + m g/k the stretched length.
 
@@ -183,6 +160,7 @@ def test_a_singular_posture_is_refused(tmp_path):
         bc.linearise(tmp_path / "flat.yaml", at="start")
 
 
+@pytest.mark.tier2
 def test_redundant_conditions_and_idle_symmetries_do_no_harm():
     """Bricard: 5 conditions of rank 4, one freedom. The delta's platform cannot turn: moved in its own axes and back in
     the world's, nothing moves, which is no symmetry.

@@ -49,6 +49,7 @@ PEERS = {"MuJoCo": mujoco, "Drake": drake, "Exudyn": exudyn}
 MODULES = {"MuJoCo": "mujoco", "Drake": "pydrake", "Exudyn": "exudyn"}
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("scene", SCENES)
 def test_reference_ends_where_the_published_values_say(scene):
     exact = reference(scene)
@@ -59,6 +60,7 @@ def test_reference_ends_where_the_published_values_say(scene):
     assert exact.scipy_error < 1e-10
 
 
+@pytest.mark.tier2
 def test_four_bar_of_the_reference_locks_when_and_where_the_lecture_says():
     four_bar = BENCHMARKS["four_bar"].equations
     l1, l2, l3 = four_bar.length
@@ -77,6 +79,7 @@ def test_four_bar_of_the_reference_locks_when_and_where_the_lecture_says():
     assert math.degrees(lock) == pytest.approx(150.462301525, abs=1e-9)
 
 
+@pytest.mark.tier2
 def test_four_bar_stays_closed_and_its_rates_are_those_of_its_angles():
     exact = reference("four_bar")
     four_bar = exact.benchmark.equations
@@ -114,12 +117,14 @@ def test_bricards_ring_is_closed_in_all_its_postures():
     np.testing.assert_allclose(frame[:, :, 0], np.tile([1.0, 0.0, 0.0], (50, 1)), atol=1e-14)  # the sixth hinge
 
 
+@pytest.mark.tier2
 def test_bricards_corner_is_where_a_null_space_reduction_of_its_tree_says():
     exact = reference("bricard")
     known = np.array([[t, *place] for t, place in P3.items()])
     np.testing.assert_allclose(exact.at(known[:, 0]).astype(float), known[:, 1:], atol=2e-10)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("scene", ENERGIES)
 def test_reference_keeps_the_energy(scene):
     exact = reference(scene)
@@ -153,6 +158,7 @@ def test_error_of_missing_or_undefined_outputs_is_infinite():
 COARSE = [("RK45", 1e-3), ("RK45", 1e-6), ("DOP853", 1e-3), ("DOP853", 1e-6), ("DOP853", 1e-9), ("Radau", 1e-6)]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("scene", "method", "tolerance"),
     [(scene, *each) for scene in TREES for each in COARSE]
@@ -176,11 +182,13 @@ def test_c_by_hand_takes_scipys_steps(scene, method, tolerance):
     assert reference(scene).error(made.position) == pytest.approx(error, rel=0.5)
 
 
+@pytest.mark.tier2
 def test_multipliers_in_c_by_hand_give_the_motion_of_the_reduced_equations():
     hand = CBaseline(BENCHMARKS["four_bar"])
     assert reference("four_bar").error(hand.run("DOP853", 1e-12).position) < 1e-10
 
 
+@pytest.mark.tier2
 def test_bricards_ring_in_c_by_hand_and_in_bellcrank_ends_where_the_reference_does():
     groups = bellcrank_runs.groups(RING, CBaseline(RING), full=False)
     group = next(g for g in groups if g[0].method == "DOP853" and g[0].setting == "1e-12")
@@ -189,6 +197,7 @@ def test_bricards_ring_in_c_by_hand_and_in_bellcrank_ends_where_the_reference_do
     assert max(row.error for row in rows) < 2e-10
 
 
+@pytest.mark.tier2
 def test_a_cart_that_goes_round_steadily_keeps_to_its_circle():
     chosen = BENCHMARKS["two_wheeler"]
     group = next(g for g in bellcrank_runs.groups(chosen, None, full=False) if g[0].setting == "1e-10")
@@ -196,6 +205,7 @@ def test_a_cart_that_goes_round_steadily_keeps_to_its_circle():
     assert row.error < 1e-8
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("scene", [*TREES, "four_bar"])
 def test_c_by_hand_rk4_converges_with_order_four_between_its_steps_too(scene):
     hand, interval = CBaseline(BENCHMARKS[scene]), BENCHMARKS[scene].times[1]
@@ -225,6 +235,7 @@ def test_pinocchio_and_the_analytic_equations_give_scipy_the_same_steps():
     assert np.abs(stepped.position - hand.run("RK4", step=0.02).position).max() < 1e-11
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("scene", SAME_COORDINATES)
 def test_bellcrank_takes_the_steps_of_the_hand_written_c(scene):
     chosen = BENCHMARKS[scene]
@@ -338,6 +349,7 @@ def test_runs_that_fail_are_rows_and_are_counted():
 # ---- peers
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("scene", TREES)
 @pytest.mark.parametrize("tool", PEERS)
 def test_peers_integrate_the_same_scene_or_are_named_as_missing(scene, tool, monkeypatch):
@@ -387,6 +399,7 @@ def test_peers_integrate_the_closed_scenes_as_well_as_they_can(scene, tool):
         assert found.error < LIMITS[scene, tool]
 
 
+@pytest.mark.tier2
 def test_scipy_on_pinocchios_constrained_dynamics_takes_the_steps_of_c():
     chosen = BENCHMARKS["four_bar"]
     [run] = scipy_pinocchio.runs(chosen, {"solve_ivp": {"DOP853": [1e-8]}})
@@ -397,11 +410,13 @@ def test_scipy_on_pinocchios_constrained_dynamics_takes_the_steps_of_c():
     assert list(scipy_pinocchio.runs(BENCHMARKS["rolling_disk"], {"solve_ivp": {"DOP853": [1e-8]}})) == []
 
 
+@pytest.mark.tier2
 def test_scipy_on_pinocchios_constrained_dynamics_solves_bricards_redundant_ring():
     [run] = scipy_pinocchio.runs(RING, {"solve_ivp": {"DOP853": [1e-8]}})
     assert reference("bricard").error(run.once().position) < 1e-5
 
 
+@pytest.mark.tier2
 def test_a_missing_peer_is_a_line_of_the_report(monkeypatch):
     def missing(benchmark, settings):
         raise ImportError(benchmark.scene)
@@ -435,6 +450,7 @@ def test_substeps_divide_the_interval_between_outputs():
 # ---- the command
 
 
+@pytest.mark.tier2
 def test_published_times_of_others_stand_below_the_ratios():
     report = scene_benchmark.measure_scene("pendulum", repeats=1, progress=lambda groups: groups[6:12], budget=0.01)
     whole = time_at([row for row in report.rows if row.tool == BELLCRANK], 1e-6, whole=True)
@@ -460,6 +476,7 @@ def test_bench_of_all_scenes_goes_through_the_quick_ones_and_names_the_others(mo
     assert all(f"{name}: not measured: " in told for name in NOT_MEASURED)
 
 
+@pytest.mark.tier2
 def test_bench_writes_rows_ratios_and_a_plot(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bellcrank_runs, "TOLERANCES", {False: (1e-5, 1e-8, 1e-11)})
     monkeypatch.setattr(bellcrank_runs, "SUBSTEPS", {False: (10, 40)})
@@ -509,7 +526,7 @@ def test_bench_refuses_in_one_sentence(arguments, told, capsys):
     assert told in capsys.readouterr().err
 
 
-@pytest.mark.slow  # compiles Pinocchio's C++ for half a minute
+@pytest.mark.tier2  # compiles Pinocchio's C++ for half a minute
 def test_derivatives_agree_with_pinocchios_cpp(tmp_path, capsys):
     assert main(["bench", "--dynamics", "planar_2r", "--derivatives", "--out", str(tmp_path)]) == 0
     rows = json.loads((tmp_path / "derivatives.json").read_text())["rows"]
@@ -518,6 +535,7 @@ def test_derivatives_agree_with_pinocchios_cpp(tmp_path, capsys):
     assert "one sample per call" in capsys.readouterr().out
 
 
+@pytest.mark.tier2
 def test_rows_that_failed_are_null_in_json_and_marked_on_screen():
     report = scene_benchmark.measure_scene("spring_pendulum", repeats=1, progress=lambda groups: groups[:2])
     report.rows[0] = replace(report.rows[0], seconds=math.inf, error=math.inf, failure="it diverged")
@@ -530,6 +548,7 @@ def test_rows_that_failed_are_null_in_json_and_marked_on_screen():
 # ---- the README's tables
 
 
+@pytest.mark.tier2
 def test_markdown_tables_of_scenes_have_ratios_at_equal_error():
     report = scene_benchmark.measure_scene("rolling_disk", repeats=1, progress=lambda groups: groups[:0])
     own = power_law(BELLCRANK, 2.0, method="DOP853" + PROJECTED) + power_law(BELLCRANK, 0.1)

@@ -14,6 +14,7 @@ from bellcrank_bench.tables.text import ensemble_table
 ENSEMBLE = "bellcrank, ensemble"
 
 
+@pytest.mark.tier2
 def test_bench_of_ensembles_writes_times_ratios_and_errors(tmp_path, capsys):
     arguments = ["four_bar", "five_bar", "--designs", "24", "--repeats", "1", "--out", str(tmp_path)]
     assert main(["bench", "--ensembles", *arguments]) == 0
@@ -37,6 +38,7 @@ def test_designs_of_the_other_scenes_are_as_their_lone_runs(name):
     assert ensemble_speed.Ensemble(name, 8).error() < 1e-5  # the disk's motion spreads errors by about 1e3 in 10 s
 
 
+@pytest.mark.tier2
 def test_peers_that_are_missing_are_rows_that_say_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     rows = ensemble_speed.ensemble_rows("spring_pendulum", 8, 1, peers=True)
@@ -46,6 +48,7 @@ def test_peers_that_are_missing_are_rows_that_say_so(monkeypatch):
     assert scipy.error < 1e-6 and scipy.timed
 
 
+@pytest.mark.tier2
 def test_a_sweep_and_sizings_and_calls_are_timed_and_checked():
     [study] = study_speed.study_rows(64)
     assert study.timed and " GB" in study.note
@@ -57,6 +60,7 @@ def test_a_sweep_and_sizings_and_calls_are_timed_and_checked():
     assert binding.timed and own.timed and own.error < 1e-12
 
 
+@pytest.mark.tier2
 def test_first_use_is_timed_without_a_cache_and_from_it(monkeypatch):
     monkeypatch.setattr(warm_calls, "PROCESSES", 1)
     rows = warm_calls.first_use_rows("ur5")

@@ -16,6 +16,7 @@ LONG_TO_COMPILE = {"chain_100", "n_four_bar_40"}  # `bellcrank bench --hard` run
 AT_REST = {"tracking", "ur5_held", "panda_held"}  # exact at any tolerance: the motion never departs from its target
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", sorted(set(PROBLEMS) - LONG_TO_COMPILE))
 def test_the_known_answer_is_met(name):
     checks = problem(name).checks()
@@ -23,6 +24,7 @@ def test_the_known_answer_is_met(name):
     assert [check for check in checks if not check.passed] == []
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", sorted(set(PROBLEMS) - LONG_TO_COMPILE - AT_REST))
 def test_a_run_with_loose_tolerances_is_judged_wrong(name):
     p = problem(name)

@@ -53,6 +53,7 @@ def test_the_textbook_equations_conserve_energy_by_themselves():
     assert sum(arm.energy(state[:2], state[2:])) == pytest.approx(before, abs=1e-7)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", VERIFIABLE)
 def test_verify_finds_every_quantity_in_agreement(name):
     found = verify(name)
@@ -85,6 +86,7 @@ def test_verify_notices_a_wrong_rocker_in_accelerations_and_multipliers(monkeypa
     assert {("accelerations", "random"), ("multipliers", "random"), ("positions", "its end")} <= wrong
 
 
+@pytest.mark.tier2
 def test_verify_notices_a_disk_of_another_inertia(monkeypatch):
     thicker = dataclasses.replace(SixCoordinateDisk(), k=0.25 * (1 + 1e-7))
     monkeypatch.setattr("bellcrank_bench.verification.constrained.SixCoordinateDisk", lambda: thicker)
@@ -92,6 +94,7 @@ def test_verify_notices_a_disk_of_another_inertia(monkeypatch):
     assert {"accelerations", "friction", "kinetic energy", "positions"} <= wrong
 
 
+@pytest.mark.tier2
 def test_verify_command_prints_the_differences_of_the_scenes_named_or_of_all(capsys):
     assert main(["verify", "spring_pendulum"]) == 0
     out = capsys.readouterr().out

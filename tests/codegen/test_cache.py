@@ -248,6 +248,7 @@ def test_without_a_place_for_the_secret_runs_go_on_and_the_named_folder_is_said_
     assert not entries(fresh_cache)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("wrong", ["inputs", "outputs", "both"])
 def test_a_recipe_of_wrong_sizes_is_made_anew(fresh_cache, wrong):
     """Sizes that were too small made the code write beyond the arrays that it was given."""
@@ -267,6 +268,7 @@ def test_a_recipe_of_wrong_sizes_is_made_anew(fresh_cache, wrong):
     np.testing.assert_array_equal(bc.load_robot("planar_2r").inverse_dynamics(np.tile(q, (9, 1)), q, q), batch)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     "nonsense", [b"", b"{}", b"[]", b"null", b"[[1], 2", b'{"has_work": 1}', b"\xff\xfe", b"[" * 9999]
 )
@@ -277,6 +279,7 @@ def test_nonsense_that_is_well_sealed_is_made_anew(fresh_cache, nonsense):
     np.testing.assert_array_equal(swing(), expected)
 
 
+@pytest.mark.tier2
 def test_a_fact_that_is_wrong_in_one_place_is_made_anew(fresh_cache):
     expected = swing()
     for name in entries(fresh_cache):
@@ -359,6 +362,7 @@ def test_a_limit_that_cannot_be_read_is_said_and_is_1_gb(monkeypatch, text):
         assert cache_folder.limit() == 10**9
 
 
+@pytest.mark.tier2
 def test_processes_that_store_and_prune_at_once_all_go_on(fresh_cache):
     code = (
         "import sys, hashlib\nfrom bellcrank.codegen import cache\n"
@@ -377,6 +381,7 @@ def test_processes_that_store_and_prune_at_once_all_go_on(fresh_cache):
 # ---- nothing fails a run
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("fault", ["directory", "used is a directory", "full disk", "vanished"])
 def test_what_cannot_be_stored_is_not_kept_and_the_run_goes_on(fresh_cache, monkeypatch, fault):
     expected = swing()
@@ -402,6 +407,7 @@ def test_what_cannot_be_stored_is_not_kept_and_the_run_goes_on(fresh_cache, monk
         assert not entries(fresh_cache)  # no temporary either
 
 
+@pytest.mark.tier2
 def test_a_disk_that_is_full_leaves_no_half_entry(fresh_cache):
     """A limit on the size of files stands for the full disk: what is beyond it cannot be written."""
     code = (
@@ -414,6 +420,7 @@ def test_a_disk_that_is_full_leaves_no_half_entry(fresh_cache):
     assert not list(fresh_cache.glob("temporary-*"))
 
 
+@pytest.mark.tier2
 def test_machine_code_of_scenes_that_are_gone_is_freed():
     import gc
 
@@ -446,6 +453,7 @@ def test_machine_code_of_scenes_that_are_gone_is_freed():
     assert len(system._recent) <= system.RECENT
 
 
+@pytest.mark.tier2
 def test_a_prepared_call_keeps_its_code():
     import gc
 

@@ -15,6 +15,8 @@ from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.scene_notes import scene_notes
 
+pytestmark = pytest.mark.tier2
+
 URDF = """<robot name="four"><link name="ground"/>
 {links}
 <joint name="a" type="continuous"><parent link="ground"/><child link="a"/><axis xyz="0 0 1"/></joint>

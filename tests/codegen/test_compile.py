@@ -112,6 +112,7 @@ def random_graph(seed):
     return casadi.Function("random", [x], [casadi.vertcat(*picked, 0, 3.5, x[2]), sum(values)])
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("target", TARGETS)
 def test_code_cut_into_pieces_gives_the_same_numbers(target, monkeypatch):
     monkeypatch.setenv("BELLCRANK_TARGET", target)
@@ -142,6 +143,7 @@ def test_pieces_of_code_keep_apart_what_threads_compute(monkeypatch):
         np.testing.assert_array_equal(answer, expected[k::4])
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("length", [10**9, 30])
 def test_every_value_is_computed_before_it_is_read_and_kept_until_its_last_reading(length, monkeypatch):
     """Runs the plan on paper: a slot must hold the very value that a later piece reads from it."""
@@ -228,6 +230,7 @@ def torque():
     return robot.inverse_dynamics(np.ones((20, 2)), np.ones((20, 2)), np.ones((20, 2)))
 
 
+@pytest.mark.tier2
 def test_a_second_process_loads_neither_pinocchio_nor_casadi(fresh_cache):
     script = (
         "import sys, numpy, bellcrank\n"
@@ -305,6 +308,7 @@ def test_an_unusable_cache_folder_is_done_without(tmp_path, monkeypatch):
     torque()
 
 
+@pytest.mark.tier2
 def test_threads_that_call_first_at_once_all_get_the_answer(fresh_cache):
     script = (
         "import threading, numpy, bellcrank\n"

@@ -78,6 +78,7 @@ def mixed(seed):
     return graph_of(casadi.Function("mixed", [x], [casadi.vertcat(*picked), values[-1]]).serialize().encode("latin-1"))
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("kind", ["scalar", "lanes", "batch"])
 def test_each_level_and_division_gives_the_same_bits(kind, seed, monkeypatch):

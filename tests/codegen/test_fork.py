@@ -5,6 +5,10 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
+
+pytestmark = pytest.mark.tier2
+
 SCRIPT = """
     import faulthandler, os, sys, threading, time
     import bellcrank as bc
@@ -61,7 +65,7 @@ INSIDE = """
 """
 MEANWHILE = """
     import faulthandler, os, sys, threading, time
-    from bellcrank.machine_code.locks import making
+    from bellcrank.codegen.locks import making
 
     assert "llvmlite" not in sys.modules
     made, forks = threading.Event(), threading.Event()

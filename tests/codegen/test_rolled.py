@@ -13,6 +13,8 @@ from bellcrank.dynamics.system import system_of
 from bellcrank_bench.problems.chains_and_arms import chain_scene
 from bellcrank_bench.problems.n_four_bar import n_four_bar
 
+pytestmark = pytest.mark.tier2
+
 TARGETS = ["baseline", "avx2", "avx512"]
 
 

@@ -76,6 +76,7 @@ def test_quickly_compiled_code_is_cached_until_optimised_code_is(fresh_cache, mo
     assert len(function.code("scalar")._loaded) == 2
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("reason", ["no interpreter", "it fails"])
 def test_quickly_compiled_code_stays_where_the_compiling_process_cannot_help(
     reason, fresh_cache, monkeypatch, tmp_path
@@ -157,6 +158,7 @@ def test_a_fallback_that_is_compiled_in_the_middle_of_a_run_gives_the_same_bits(
     np.testing.assert_array_equal(again.state, run.state)
 
 
+@pytest.mark.tier2
 def test_threads_of_an_ensemble_compile_what_they_first_need(fresh_cache, monkeypatch):
     angles = {"initial.crank": [f"{1 + 0.1 * k} deg" for k in range(20)]}
     times = []
@@ -225,6 +227,7 @@ COMPILING = """
 """
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("how", ["end", "os._exit(0)", "sys.exit(0)", "os.kill(os.getpid(), signal.SIGKILL)"])
 def test_the_program_ends_at_once_while_code_is_optimised_and_leaves_nothing(how, fresh_cache):
     program = in_a_process(COMPILING + ("" if how == "end" else f"    {how}\n"), fresh_cache.parent)
@@ -237,6 +240,7 @@ def test_the_program_ends_at_once_while_code_is_optimised_and_leaves_nothing(how
     assert not list(fresh_cache.glob("temporary-*"))
 
 
+@pytest.mark.tier2
 def test_ctrl_c_during_a_run_waits_for_code_that_is_being_compiled_and_ends_the_run(fresh_cache):
     code = """
         scene = bc.load_scene("four_bar")
@@ -258,6 +262,7 @@ def test_ctrl_c_during_a_run_waits_for_code_that_is_being_compiled_and_ends_the_
     assert not errors
 
 
+@pytest.mark.tier2
 def test_a_forked_process_optimises_its_own_code(fresh_cache):
     code = """
         function, row = long_function("forked", 1500), samples()[0]

@@ -164,6 +164,7 @@ def test_show_says_what_contradicts_itself(capsys: pytest.CaptureFixture[str]) -
     assert "2 contradicted" in text and "efficiency at the nominal point" in text and "wrote" not in text
 
 
+@pytest.mark.tier2
 def test_the_picture_of_every_motor_is_drawn_with_its_limits() -> None:
     """The lines of the picture against the figures of the row: the voltage line ends at (U (1 - 0.1) - R I_0) / k."""
     from bellcrank.actuators.conditions import Conditions
@@ -182,6 +183,7 @@ def test_the_picture_of_every_motor_is_drawn_with_its_limits() -> None:
         assert axis.lines or "no limit is stated" in {text.get_text() for text in axis.texts}
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("size", [5e-324, 1e-160, 1e100])
 def test_extreme_figures_are_drawn_without_a_fault(size: float, tmp_path: Path) -> None:
     from bellcrank.actuators.conditions import Conditions

@@ -113,6 +113,7 @@ def size_of(file):
     return ["size", "arm.yaml"] if file == "arm.yaml" else ["size", "arm.urdf", "--motion", "motion.csv"]
 
 
+@pytest.mark.tier2
 def test_the_unbroken_files_are_sized(arm):
     assert main(["size", "arm.yaml", "--out", "a", "--no-plots"]) == 0
     assert main(["size", "arm.urdf", "--motion", "motion.csv", "--out", "b", "--no-plots"]) == 0
@@ -157,25 +158,7 @@ def test_bad_arguments_are_one_sentence_and_exit_2(arm, capsys, arguments, words
     assert sorted(arm.rglob("*")) == before
 
 
-def test_unknown_commands_exit_2_with_what_there_is(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["resize"])
-    assert ended.value.code == 2 and "size" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", ["size", "simulate", "check", "verify", "robots", "bench"])
-def test_every_command_has_help(command, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main([command, "--help"])
-    assert ended.value.code == 0 and "usage" in capsys.readouterr().out
-
-
-def test_robots_lists_cards_and_urdfs(capsys):
-    assert main(["robots"]) == 0
-    out = capsys.readouterr().out
-    assert "planar_2r" in out and "talos" in out
-
-
+@pytest.mark.tier2
 def test_bench_times_and_agrees_with_pinocchio(arm, capsys):
     assert main(["bench", "--dynamics", "planar_2r", "--samples", "256", "--out", "figures"]) == 0
     out = capsys.readouterr().out
@@ -190,6 +173,7 @@ def test_help_and_import_load_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+@pytest.mark.tier2
 def test_ctrl_c_stops_cleanly_and_leaves_no_half_written_file(arm):
     command = [sys.executable, "-m", "bellcrank", "bench", "--dynamics", "talos", "--out", "figures"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
@@ -209,6 +193,7 @@ def test_a_fault_of_ours_is_not_the_answer_no(monkeypatch, capsys):
     assert "fault of bellcrank" in capsys.readouterr().err
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("coding", "target", "status"), [("utf-8", "/dev/full", 2), ("ascii", os.devnull, 0)])
 def test_a_full_disk_or_a_plain_terminal_under_the_table(arm, coding, target, status):
     with open(target, "w") as output:  # noqa: PTH123  a device

@@ -28,6 +28,7 @@ def test_it_writes_the_motion_the_limits_and_a_picture(tmp_path: Path, capsys: p
     assert (tmp_path / "fastest_lift_and_return.png").stat().st_size > 10_000
 
 
+@pytest.mark.tier2
 def test_a_factor_that_exceeds_a_limit_exits_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fastest", "geared_pendulum", "--scale", "5", "--out", str(tmp_path), "--no-plots"]) == 1
     assert "the factor 5 is not allowed" in capsys.readouterr().out

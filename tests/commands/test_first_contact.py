@@ -188,6 +188,7 @@ def test_bash_completes_commands_names_and_options(words, expected, capsys, tmp_
 # ---- demo
 
 
+@pytest.mark.tier2
 def test_demo_writes_a_gallery_whose_pages_are_there(capsys, tmp_path):
     out = tmp_path / "gallery"
     assert main(["demo", "--out", str(out)]) == 0

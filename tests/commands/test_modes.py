@@ -16,6 +16,7 @@ def run(capsys, *arguments):
     return code, output.out, output.err
 
 
+@pytest.mark.tier2
 def test_a_stable_scene_with_root_loci(tmp_path, capsys):
     out = tmp_path / "out"
     vary = "forces.spring.stiffness=5:45:5"
@@ -69,6 +70,7 @@ def test_floquet_multipliers_of_a_period(tmp_path, capsys):
     assert json.loads((tmp_path / "modes.json").read_text())["kind"] == "periodic"
 
 
+@pytest.mark.tier2
 def test_the_modes_of_the_bicycle_move_on_their_page(tmp_path, capsys):
     """Positions of the film stay on the floor: the page is made of postures that satisfy the constraints."""
     from bellcrank.analysis.linearise import linearise

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.cli import main
 from bellcrank.commands import replay as command
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.replays import replay as module
@@ -51,6 +52,25 @@ def test_a_scene_is_simulated_and_its_page_written_beside(here, capsys):
     assert text.lower().startswith("<!doctype html>") and "<title>Swinging &lt;arm&gt;" in text and "<arm>" not in text
 
 
+def test_meshes_are_simplified_unless_all_of_their_faces_are_asked_for(here, capsys):
+    steps = range(21)
+    corners = "".join(f"v {x / 20} {y / 20} 0\n" for x in steps for y in steps)
+    sheet = "".join(
+        f"f {k} {k + 21} {k + 22} {k + 1}\n" for x in range(20) for y in range(20) for k in [21 * x + y + 1]
+    )
+    (here / "sheet.obj").write_text(corners + sheet)
+    (here / "sheet.urdf").write_text(
+        '<robot name="sheet"><link name="base"/><link name="sheet"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><visual><geometry><mesh filename="sheet.obj"/></geometry></visual>'
+        '</link><joint name="turn" type="continuous"><parent link="base"/><child link="sheet"/>'
+        '<origin xyz="0 0 1"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    assert given("sheet.urdf", "--out", "few") == 0
+    assert "meshes simplified from 800 to 2 faces" in " ".join(capsys.readouterr().out.split())
+    assert given("sheet.urdf", "--full-meshes", "--out", "all") == 0
+    assert "simplified" not in capsys.readouterr().out
+
+
 def test_a_run_is_replayed_from_its_file_and_from_its_folder(here, capsys):
     bc.simulate("arm.yaml").save("arm_run/run.npz")
     assert given("arm_run") == given("arm_run/run.npz", "--out", "twice") == 0
@@ -91,6 +111,7 @@ def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):
     capsys.readouterr()
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -172,6 +193,14 @@ def test_show_opens_the_browser_on_a_file_and_says_where_it_lies_without_one(her
     monkeypatch.setattr(module.webbrowser, "open", lambda address: False)
     with pytest.raises(BellcrankError, match=r"no web browser could be started; open .*arm.html yourself"):
         show(bc.simulate("arm.yaml"))
+
+
+def test_a_report_opens_in_the_browser_where_it_is_asked_to(here, monkeypatch):
+    opened = []
+    monkeypatch.setattr(module.webbrowser, "open", lambda address: opened.append(address) or True)
+    assert main(["report", "arm.yaml", "--out", "one.html"]) == 0 and not opened
+    assert main(["report", "arm.yaml", "--out", "two.html", "--open"]) == 0
+    assert opened == [(here / "two.html").as_uri()]
 
 
 def test_an_export_that_fails_leaves_no_half_file(here, monkeypatch):

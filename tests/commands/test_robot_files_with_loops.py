@@ -10,6 +10,8 @@ import pytest
 
 from bellcrank.cli import main
 
+pytestmark = pytest.mark.tier2
+
 FOUR_BAR = """<mujoco model="four"><compiler angle="radian"/><worldbody>
 <body name="crank"><joint name="a" type="hinge" axis="0 1 0"/>
 <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".2"/>

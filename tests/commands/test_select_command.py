@@ -20,6 +20,7 @@ def own(tmp_path: Path) -> str:
     return str(write_products(tmp_path / "own"))
 
 
+@pytest.mark.tier2
 def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, card = tmp_path / "out", tmp_path / "chosen.yaml"
     given = [
@@ -36,7 +37,7 @@ def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.Captur
         "--life",
         "5000",
     ]
-    assert main(["select", "geared_pendulum", *given, "--out", str(out), "--write-card", str(card)]) == 0
+    assert main(["select", "geared_pendulum", *given, "--out", str(out), "--write-config", str(card)]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "small" in text and "g50" in text and "voltage 48 V less 10%" in text and "life 5000 h" in text
     assert "All inside" in text and f"wrote {card}" in text and str(out) in text
@@ -51,11 +52,12 @@ def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.Captur
     assert {path.name for path in out.iterdir()} == {"selection.csv", "selection.json"}
 
 
+@pytest.mark.tier2
 def test_an_axis_that_nothing_can_drive_is_exit_1_with_advice(
     own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     card = tmp_path / "chosen.yaml"
-    given = ["--catalogue", own, "--maker", "Own", "--payload", "400@bucket", "--no-plots", "--write-card", str(card)]
+    given = ["--catalogue", own, "--maker", "Own", "--payload", "400@bucket", "--no-plots", "--write-config", str(card)]
     frames = tmp_path / "heavy.yaml"
     frames.write_text(
         "urdf: geared_pendulum\nframes: {bucket: {link: pendulum, xyz: [0, 0, -0.5]}}\n"
@@ -68,6 +70,7 @@ def test_an_axis_that_nothing_can_drive_is_exit_1_with_advice(
     assert json.loads((tmp_path / "out" / "selection.json").read_text())["inside"] is False
 
 
+@pytest.mark.tier2
 def test_a_pair_that_is_kept_and_fails_is_exit_1(own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--catalogue", own, "--maker", "Own", "--keep", "shoulder=small", "--no-plots", "--payload", "5@bob"]
     status = main(["select", "geared_pendulum", *given, "--safety-factor", "40", "--out", str(tmp_path / "out")])
@@ -174,6 +177,7 @@ def test_what_to_choose_from(own: str) -> None:
         products([f"{own}/gone"], [], [])
 
 
+@pytest.mark.tier2
 def test_the_written_configuration_holds_the_values_that_were_set(
     own: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -184,3 +188,14 @@ def test_the_written_configuration_holds_the_values_that_were_set(
         capsys.readouterr().out.split()
     )
     assert load_robot_config(written).gravity == (0.0, 0.0, -1.62)
+
+
+@pytest.mark.tier2
+def test_without_feedback_the_written_configuration_has_no_masses_of_actuators(own: str, tmp_path: Path) -> None:
+    given = ["select", "geared_pendulum", "--catalogue", own, "--maker", "own", "--no-plots"]
+    for options, payloads in (([], 1), (["--no-feedback"], 0)):
+        written = tmp_path / f"chosen_{payloads}.yaml"
+        assert main([*given, *options, "--write-config", str(written), "--out", str(tmp_path / "out")]) == 0
+        config = load_robot_config(written)
+        assert len(config.payloads) - len(load_robot_config("geared_pendulum").payloads) == payloads
+        assert bool(config.mounts) is bool(payloads)

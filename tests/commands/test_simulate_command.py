@@ -35,6 +35,7 @@ def arm(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.tier2
 def test_it_prints_the_summary_and_writes_run_table_and_pictures(arm, capsys):
     assert main(["simulate", "arm.yaml", "--frame", "hand"]) == 0
     out, err = capsys.readouterr()
@@ -243,6 +244,7 @@ def test_the_progress_is_reported_in_simulated_time(arm, monkeypatch):
     assert seen == [0.5, 1.5, 2.0]
 
 
+@pytest.mark.tier2
 def test_ctrl_c_keeps_what_was_computed_and_exits_130(arm):
     assert main(["simulate", "arm.yaml", "--duration", "0.01", "--no-plots", "--out", "compiled"]) == 0
     command = [sys.executable, "-m", "bellcrank", "simulate", "arm.yaml", "--no-plots", "--duration", "1e6"]

@@ -30,6 +30,7 @@ def refuse(constant: str) -> None:
     raise AssertionError(f"{constant} in JSON")
 
 
+@pytest.mark.tier2
 def test_the_main_job_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["size", "planar_2r", "--out", str(tmp_path / "out")]) == 0
     text = capsys.readouterr().out
@@ -60,6 +61,7 @@ def test_the_main_job_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[s
                 assert len(image.convert("RGB").getcolors(1 << 20) or ()) > 20  # something is drawn
 
 
+@pytest.mark.tier2
 def test_a_limit_that_is_exceeded_is_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         main(
@@ -81,6 +83,7 @@ def test_a_limit_that_is_exceeded_is_exit_1(tmp_path: Path, capsys: pytest.Captu
     assert json.loads((tmp_path / "sizing.json").read_text())["inside"] is False
 
 
+@pytest.mark.tier2
 def test_a_payload_and_a_tolerance_raise_the_peak(tmp_path: Path) -> None:
     peaks = []
     for extra in ([], ["--payload", "2@tip"], ["--payload", "2@tip", "--mass-tolerance", "10%"]):
@@ -187,6 +190,7 @@ def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -
         np.testing.assert_allclose(written, by_hand, atol=1e-11)
 
 
+@pytest.mark.tier2
 def test_files_of_an_earlier_sizing_do_not_stay_beside_those_of_a_new_one(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["size", "planar_2r", "--out", str(out)]) == 0
@@ -221,6 +225,7 @@ def test_a_sizing_json_that_lists_nothing_is_passed_over(tmp_path: Path, text: s
     assert earlier_files(tmp_path) == [] and earlier_files(tmp_path / "none") == []
 
 
+@pytest.mark.tier2
 def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_their_text(tmp_path: Path) -> None:
     config = load_robot_config("geared_pendulum")
     seen = []

@@ -49,6 +49,7 @@ def come_to_their_end(patterns, seconds):
     return subprocess.run(command, input=given, capture_output=True, text=True, timeout=600)
 
 
+@pytest.mark.tier2
 def test_every_pattern_of_the_package_comes_to_its_end_on_long_texts():
     found = set()
     for module in pkgutil.walk_packages(bellcrank.__path__, "bellcrank."):
@@ -61,6 +62,7 @@ def test_every_pattern_of_the_package_comes_to_its_end_on_long_texts():
     assert done.returncode == 0, done.stderr[-300:]
 
 
+@pytest.mark.tier2
 def test_patterns_that_are_not_linear_do_not_come_to_their_end():
     """These were in the package, for numbers with units and for the lines of a picture."""
     for pattern in (r"([-+]?(?:\d+\.?\d*))\s*(.*?)\s*\Z", r"\s*\n"):

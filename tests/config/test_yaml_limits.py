@@ -83,6 +83,7 @@ def test_values_of_arguments_have_the_limits_of_files(value: str) -> None:
     assert parse_axis("load=2020-99-99,1e3,fast") == ("load", ("2020-99-99", "1e3", "fast"))
 
 
+@pytest.mark.tier2
 def test_aliases_and_merge_keys_within_the_limits_read_as_ever(tmp_path: Path) -> None:
     """Against PyYAML's own safe loader, up to the last entry that aliases may repeat."""
     texts = [
@@ -116,6 +117,7 @@ def test_depth_up_to_the_limit_is_read(tmp_path: Path) -> None:
         deep(MOST_DEPTH + 1)
 
 
+@pytest.mark.tier2
 def test_a_table_of_waypoints_with_many_numbers_is_read(tmp_path: Path) -> None:
     rows = 1500
     motion = {
@@ -134,6 +136,7 @@ def joins(levels: int, width: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.tier2
 def test_joins_of_joins_are_counted_and_refused_before_they_are_built(tmp_path: Path) -> None:
     path = tmp_path / "card.yaml"
     path.write_text(joins(9, 10))
@@ -150,6 +153,7 @@ def test_joins_of_joins_are_counted_and_refused_before_they_are_built(tmp_path: 
     assert MOST_PARTS == 10**4
 
 
+@pytest.mark.tier2
 def test_joins_in_place_count_too_and_cycles_stay_refused(tmp_path: Path) -> None:
     path = tmp_path / "card.yaml"
     part = "{kind: join, parts: [a, a, a, a, a, a, a, a, a, a]}"

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank import deprecated
 
-NAMES = [name for name in bc.__all__ if not name.startswith("__") and name not in deprecated.NAMES]
+NAMES = [name for name in bc.__all__ if not name.startswith("__")]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 SECTION = re.compile(r"^(Args|Returns|Raises|Yields|Attributes|Examples?):$", re.MULTILINE)
 
@@ -22,7 +21,7 @@ def members(cls):
     """(name, what was written, its docstring) of the public methods and properties of a class and of its bases here."""
     found = {}
     for base in cls.__mro__:
-        if base.__module__.startswith("bellcrank.") and not base.__module__.endswith((".derived", ".deprecated")):
+        if base.__module__.startswith("bellcrank."):
             for name, written in vars(base).items():
                 if not name.startswith("_") and (inspect.isroutine(written) or hasattr(type(written), "__get__")):
                     found.setdefault(name, written)
@@ -93,7 +92,20 @@ def test_public_names_are_documented():
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("name", NAMES)
+LONG = (
+    "FastestMotion",
+    "JointSensitivity",
+    "RepeatedCycle",
+    "RootLoci",
+    "Selection",
+    "Sizing",
+    "SpeedFactor",
+    "time_optimal",
+)
+TIERS = [pytest.param(name, marks=[pytest.mark.tier2] if name in LONG else []) for name in NAMES]
+
+
+@pytest.mark.parametrize("name", TIERS)
 def test_the_examples_of_a_public_name_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for part, _, text in parts([name]):

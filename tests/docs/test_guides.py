@@ -25,7 +25,11 @@ def blocks(page):
     return list(tutorial.FENCE.finditer(page.read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
+LONG = ("fastest-motions",)  # several seconds
+PAGES = [pytest.param(page, id=page.stem, marks=[pytest.mark.tier2] if page.stem in LONG else []) for page in GUIDES]
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_the_python_of_a_guide_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for block in blocks(page):

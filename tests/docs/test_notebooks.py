@@ -39,6 +39,7 @@ def test_there_is_a_notebook():
     assert [path.stem for path in NOTEBOOKS] == ["first_steps"]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("names", NOTEBOOKS, indirect=True, ids=lambda path: path.stem)
 def test_the_first_steps_have_the_results_of_the_other_pages(names):
     assert names["run"].events[0].time == pytest.approx(12.267789, abs=1e-6)

@@ -4,17 +4,18 @@ import re
 
 import api_pages
 import cli_page
+import pytest
 import yaml_page
 from yaml_recorder import recorded
 
 import bellcrank as bc
-from bellcrank import deprecated
 
 
 def test_every_key_that_readers_ask_for_is_described_and_no_other():
     assert yaml_page.differences() == []
 
 
+@pytest.mark.tier2
 def test_the_samples_have_every_kind():
     for section, keys in recorded().items():
         group, colon, _ = section.partition(": ")
@@ -41,15 +42,8 @@ def test_every_command_and_option_is_on_the_page():
 
 def test_every_public_name_is_on_a_page():
     text = "\n".join(api_pages.pages().values())
-    names = [name for name in bc.__all__ if not name.startswith("__") and name not in deprecated.NAMES]
-    for name in names:
+    for name in (name for name in bc.__all__ if not name.startswith("__")):
         assert len(re.findall(rf"^::: bellcrank\.{name}$", text, re.MULTILINE)) == 1
-
-
-def test_every_deprecated_name_is_on_its_page():
-    page = api_pages.pages()["reference/api/deprecated.md"]
-    assert all(f"| `bellcrank.{old}` |" in page for old in deprecated.NAMES)
-    assert all(f"| `Scene.{old}` |" in page for old in bc.Scene.renamed)
 
 
 def test_type_checkers_are_told_all_public_names():

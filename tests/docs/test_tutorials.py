@@ -11,6 +11,7 @@ PAGES = sorted((DOCS / "tutorials").glob("*.md"))
 THEORY = [page for page in sorted((DOCS / "theory").glob("*.md")) if "```python" in page.read_text(encoding="utf-8")]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_prints_what_it_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -97,6 +97,7 @@ def motion_of(run):
     return Motion(run.robot.joints, run.time, run.position, run.velocity, run.acceleration, "run")
 
 
+@pytest.mark.tier2
 def test_the_motor_that_repeats_the_free_unfolding_is_the_spring(tmp_path):
     scene = four_bar(tmp_path, "[0, 0, 0]")
     sprung = scene.with_overrides({"forces": SPRING, "initial.crank": "1 deg"})
@@ -112,6 +113,7 @@ def test_the_motor_that_repeats_the_free_unfolding_is_the_spring(tmp_path):
     assert np.abs(idle.torque).max() < 1e-8 and np.array_equal(idle.position, found.position)
 
 
+@pytest.mark.tier2
 def test_a_drive_constraint_s_multiplier_is_the_motor_s_torque(tmp_path):
     scene = four_bar(tmp_path)
     found = scene_inverse_dynamics(scene, "unfold")
@@ -183,6 +185,7 @@ def test_any_joint_may_lead_and_any_may_carry_the_motor_with_the_same_power(tmp_
         assert np.all(effort <= (single.torque**2).sum(axis=1) + 1e-9)
 
 
+@pytest.mark.tier2
 def test_a_five_bar_s_motors_carry_a_tool_on_a_circle_by_the_principle_of_virtual_work(tmp_path):
     found = scene_inverse_dynamics(five_bar(tmp_path, 1e-9, 1e-9, 2.0), "circle")
     assert found.independent == ("left_shoulder", "right_shoulder")  # the motors, by inverse kinematics
@@ -270,6 +273,7 @@ def test_at_full_stretch_the_crank_is_at_a_dead_point(tmp_path):
 # ---- sizing
 
 
+@pytest.mark.tier2
 def test_size_of_a_linkage_is_its_motor_along_its_motions(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scene = four_bar(tmp_path)
@@ -293,6 +297,7 @@ def test_size_of_a_linkage_is_its_motor_along_its_motions(tmp_path, monkeypatch,
     assert {"history_unfold.csv", "over_time_unfold.png", "torque_speed.png"} <= names
 
 
+@pytest.mark.tier2
 def test_a_history_or_a_table_of_the_crank_alone_is_a_motion_of_the_linkage(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = four_bar(tmp_path)
@@ -308,6 +313,7 @@ def test_a_history_or_a_table_of_the_crank_alone_is_a_motion_of_the_linkage(tmp_
     assert main(["size", "linkage.yaml", "--motion", "crank.csv", "--no-plots"]) == 0
 
 
+@pytest.mark.tier2
 def test_heavier_links_and_payloads_make_the_worst_case_of_a_linkage(tmp_path):
     scene = four_bar(tmp_path)
     linkage = Linkage(scene)

@@ -128,6 +128,7 @@ def quintic(u):
     )
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("carried", ["slides", "leg"])
 def test_a_deltas_arms_follow_a_line_of_its_platform_as_in_closed_form(tmp_path, carried):
     scene = delta(tmp_path, carried, PICK)
@@ -177,6 +178,7 @@ def test_a_joined_motion_goes_on_from_where_its_parts_ended(tmp_path, carried):
     np.testing.assert_allclose(motion.position[:, arms], arm_angles(x), atol=1e-9)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("carried", ["slides", "leg"])
 def test_a_delta_is_sized_along_a_path_of_its_platform(tmp_path, carried, capsys):
     scene = delta(tmp_path, carried, PICK)

@@ -22,6 +22,7 @@ SHIPPED = {  # with the number of rows that bind
 }  # fmt: skip
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_bundled_scene_starts_closed_and_stays_so_at_every_output(name):
     run = simulate(name, duration=0.3)

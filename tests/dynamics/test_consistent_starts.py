@@ -90,6 +90,7 @@ def disturbed(scene, random, size):
     return reference.displaced(q, np.where(held, 0.0, reference.columns * random.uniform(-size, size, robot.nv)))
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", SCENES)
 def test_postures_and_velocities_are_those_of_least_squares_by_singular_values(name):
     """From disturbed guesses.

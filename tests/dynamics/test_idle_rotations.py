@@ -43,6 +43,7 @@ def written(folder, kind, axes="", text=ROD, **keys):
     return folder / "rod.yaml"
 
 
+@pytest.mark.tier2
 def test_a_rod_between_two_balls_turns_freely(tmp_path):
     """Sizing goes through, says so, and the torque is that with a universal joint, in which the rod cannot turn: it
     is slender, so that turning changes the torque by little.
@@ -81,6 +82,7 @@ def test_the_torque_is_the_power_of_the_motion(tmp_path):
     assert np.abs(rate - power)[inner].max() <= 2e-3 * np.abs(power).max()
 
 
+@pytest.mark.tier2
 def test_a_rod_whose_weight_turns_it_is_refused(tmp_path):
     """A heavy lump beside the line through the balls: a pendulum, and how it swings matters to the motor."""
     lump = link("rod", "0.25 0.3 0", 3.0, diagonal(0.0001, 0.006, 0.006))
@@ -127,6 +129,7 @@ def test_a_motor_on_the_axis_of_the_rod_is_not_idle(tmp_path):
         bc.size(path)
 
 
+@pytest.mark.tier2
 def test_a_path_of_a_frame_leaves_idle_rotations_free(tmp_path):
     """The pin of the arm moves along z; the rod turns freely, as in the motion of the motor that it follows from."""
     lift = {"kind": "line", "frame": "pin", "coordinates": ["z"], "duration": 1.0, "end": [0, 0, 0.2], "samples": 61}
@@ -140,6 +143,7 @@ def test_a_path_of_a_frame_leaves_idle_rotations_free(tmp_path):
     assert bc.size(path).joint("turn").peak_torque > 0.0
 
 
+@pytest.mark.tier2
 def test_forces_in_the_rod_are_in_the_results(tmp_path):
     """The force at the rod's end is the constraint's multiplier; a table, sizing.csv and sizing.json hold it."""
     path = written(tmp_path, "spherical")

@@ -9,6 +9,8 @@ from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.constraint_rows import velocity_units
 from tests.support.random_mechanisms import random_mechanism
 
+pytestmark = pytest.mark.tier2
+
 STEP = 1e-6  # rad or m: of central differences
 CLOSED = 1e-10  # m or rad
 

@@ -8,6 +8,8 @@ from bellcrank.dynamics import motor_shares as module
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.dynamics.motor_shares import motor_shares, torque_shares
 
+pytestmark = pytest.mark.tier2
+
 MOTIONS = {"delta": "pick", "planar_delta": "pick", "five_bar": "pick", "four_bar": "unfold"}
 
 

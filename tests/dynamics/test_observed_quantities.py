@@ -12,6 +12,7 @@ from bellcrank.dynamics.system import system_of
 SCENES = ["four_bar", "bricard", "rolling_disk", "pendulum", "five_bar", "spring_pendulum", "planar_2r_tracking"]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", SCENES)
 def test_the_extremes_give_drift_residuals_and_outputs_of_the_run(name):
     run = bc.simulate(name, samples=101)

@@ -166,6 +166,7 @@ ROBOTS = {
 }
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("name", "driven", "idle"), [(name, *counts) for name, counts in ROBOTS.items()])
 def test_motor_torques_are_those_of_pinocchio_s_kkt_equations(name, driven, idle):
     linkage, motion = swung(name)
@@ -194,6 +195,7 @@ def test_motor_torques_are_those_of_pinocchio_s_kkt_equations(name, driven, idle
     assert worst < 1e-9 * largest
 
 
+@pytest.mark.tier2
 def test_the_motions_of_idle_rotations_need_no_power():
     """Without gravity and friction, the power of the motors is the rate of kinetic energy, idle rotations included."""
     linkage, motion = swung("cassie_like")

@@ -95,6 +95,7 @@ def state_of(scene, time):
     return run.position[-1], run.velocity[-1]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", [*SCENES, "forced"])
 def test_derivatives_are_those_of_the_compiled_equations(name, tmp_path):
     scene = forced(tmp_path) if name == "forced" else bc.load_scene(name)
@@ -117,6 +118,7 @@ def test_derivatives_are_those_of_the_compiled_equations(name, tmp_path):
         close(slopes, [by_p[:nv], by_p[nv:]], bound)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", REDUNDANT)
 def test_with_redundant_rows_derivatives_hold_along_what_the_constraints_allow(name):
     """Displaced states are projected onto the constraints, so that the redundant rows agree there. Only v̇ is compared:

@@ -77,6 +77,7 @@ def test_a_weld_between_tilted_axes_closes_as_a_point(tmp_path):
     assert start_failure(arms(tmp_path, TIP, 2.0, tilt=0.3)) is None
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("seed", [4, 14, 44, 70, 78, 85, 93, 183, 214])
 def test_starts_that_gauss_newton_steps_do_not_reach(seed, tmp_path):
     """Further searches find them, as least squares by SciPy from the posture at which the loops were closed would."""
@@ -117,6 +118,7 @@ def test_motors_are_held_where_initial_says_so(tmp_path):
             free.with_overrides({"initial.hold": wrong})
 
 
+@pytest.mark.tier2
 def test_least_squares_by_scipy_finds_no_start_either_where_none_is_found(tmp_path):
     weld = "{name: tip, kind: weld, frame_a: left, frame_b: right}"
     scene = arms(tmp_path, weld, 2.0, tilt=0.3)

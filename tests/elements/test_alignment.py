@@ -65,6 +65,7 @@ def test_a_guess_at_any_angle_closes_with_the_frames_aligned(chain, constraint, 
     assert run.success and run.constraint_residual() < 1e-12
 
 
+@pytest.mark.tier2
 def test_a_weld_that_only_half_a_turn_closes_is_refused_by_name(chain):
     for kind in ("weld", "hinge, axis: [1, 0, 0]"):
         constraint = f"{{name: shut, kind: {kind}, frame_a: turned_on_b, frame_b: world, point: [1.3, 0, 0]}}"
@@ -121,6 +122,7 @@ RIGID = {  # constraints between frames that cannot move against each other, and
 }  # fmt: skip
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("alone", [True, False])
 @pytest.mark.parametrize("case", RIGID)
 def test_constraints_between_frames_that_cannot_move_are_refused_or_told_of(chain, case, alone):

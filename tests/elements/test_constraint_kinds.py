@@ -81,6 +81,7 @@ def closed_chain(folder, kind, **keys):
 # ---- kinds of constraint
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("kind", ["point", "hinge", "weld"])
 def test_accelerations_and_forces_of_a_loop_are_those_of_pinocchios_jacobians(folder, kind):
     scene = closed_chain(folder, kind, **({"axis": [0, 0, 1]} if kind == "hinge" else {}))
@@ -144,6 +145,7 @@ def test_a_hinge_closed_four_bar_moves_as_the_point_closed_one(four_bar):
     np.testing.assert_allclose(hinge.multipliers, point.multipliers, rtol=1e-6)  # moments of a planar loop are dropped
 
 
+@pytest.mark.tier2
 def test_a_spatial_loop_of_a_hinge_and_a_ball_is_redundant_and_moves_in_its_plane(tmp_path, four_bar):
     text = (bundled_data.folder("urdf") / "four_bar.urdf").read_text()
     ball = "".join(
@@ -175,6 +177,7 @@ def test_a_spatial_loop_of_a_hinge_and_a_ball_is_redundant_and_moves_in_its_plan
     assert run.equation_residual() < 1e-9
 
 
+@pytest.mark.tier2
 def test_a_coupling_is_what_mimic_means_at_the_fingers_of_a_panda(tmp_path):
     from bellcrank.robot import catalog
 
@@ -364,19 +367,6 @@ def test_a_disk_that_is_lifted_ends_the_run_where_its_normal_force_vanishes():
         simulate("rolling_disk", 1.0, overrides=lift | {"gravity": [0, 0, 9.81]})
 
 
-def test_friction_demand_and_contact_point_of_the_rolling_disk(four_bar):
-    run = simulate("rolling_disk", 2.0)
-    normal, *friction = run.constraint("floor").multipliers.T
-    np.testing.assert_allclose(run.output("friction"), np.hypot(*friction) / normal, rtol=1e-12)
-    contact, centre = run.output("contact"), run.output("centre")
-    assert np.abs(contact[:, 2]).max() < 1e-12
-    np.testing.assert_allclose(np.linalg.norm(contact - centre, axis=1), 0.1, rtol=1e-12)
-    slips = [{"name": "slips", "when": {"friction_demand": {"constraint": "floor", "limit": 0.6}}, "stop": True}]
-    stopped = simulate("rolling_disk", 2.0, overrides={"events": slips})
-    assert stopped.events[-1].name == "slips"
-    assert stopped.output("friction")[-1] == pytest.approx(0.6, rel=1e-8)
-
-
 def test_a_constraint_written_twice_shares_its_force_and_the_summary_says_so(four_bar, tmp_path):
     once = simulate(four_bar, 5.0)
     twin = {"name": "twin", "kind": "point", "frame_a": "coupler_tip", "frame_b": "rocker_tip"}
@@ -451,6 +441,7 @@ def beside(tmp_path, four_bar):
     return write
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("kind", FOREIGN)
 def test_loops_beside_a_urdf_close_the_four_bar(beside, kind, four_bar, tmp_path):
     scene = load_scene(beside(kind))
@@ -610,6 +601,7 @@ def test_functions_that_are_no_constraints_are_refused(four_bar):
         four_bar.with_constraint(lambda s: s.q[0], "apex")
 
 
+@pytest.mark.tier2
 def test_two_wheels_on_one_axle_share_their_side_force_and_nothing_else(tmp_path):
     wheel = (
         '<link name="{0}"><inertial><mass value="1"/>'

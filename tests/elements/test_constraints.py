@@ -143,6 +143,7 @@ def test_a_bearing_drawn_by_five_digits_does_not_open_the_loop(plain):
 # ---- masses
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("link", [1, 2])
 def test_a_massless_link_in_a_loop_is_the_limit_of_a_light_one(link):
     none, light = ([1.0, 1.0, 1.0] for _ in range(2))

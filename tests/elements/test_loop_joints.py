@@ -54,6 +54,7 @@ PRISMATIC = (
 )
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("way", ["yaml", *PRISMATIC])
 def test_a_prismatic_loop_guides_the_slider_of_a_slider_crank(tmp_path, way):
     """x = r cos θ + √(l² − r² sin² θ); the slider does not turn."""

@@ -388,6 +388,7 @@ _LEAVES = {"t": 0.7, "elbow.velocity": -0.4, "joint('slide').position": 0.3, "fr
            "load": 0.5, "pi": math.pi, "frame('tip').z": None}  # fmt: skip
 
 
+@pytest.mark.tier2
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     st.recursive(
@@ -458,6 +459,7 @@ def test_a_formula_that_is_none_is_refused_at_the_piece(flying_free_scene, formu
     assert words in str(caught.value), caught.value
 
 
+@pytest.mark.tier2
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.text(max_size=30) | st.text(alphabet="t().,*+-/19e'\"[]{}:=<>\\ ajsin", max_size=30))
 def test_any_text_is_a_formula_or_an_input_error(flying_free_scene, text):

@@ -19,6 +19,7 @@ def lines(columns, *, blank=False):
     return csv_rows(columns, blank=blank).decode().splitlines()
 
 
+@pytest.mark.tier2
 def test_numbers_are_written_as_repr_writes_them():
     rng = np.random.default_rng(0)
     bits = rng.integers(0, 2**64, 200_000, dtype=np.uint64).view(np.float64)

@@ -456,6 +456,7 @@ def test_a_run_of_example_robots_still_shows_their_meshes(tmp_path: Path) -> Non
     assert there and "not found" not in note
 
 
+@pytest.mark.tier2
 def test_nothing_is_opened_beyond_the_folder_of_a_mailed_run(mesh_run: tuple[Path, Path], tmp_path: Path) -> None:
     """What Python opens while a hostile run is loaded and drawn, by its audit hook: nothing of the private folder."""
     private = tmp_path / "private"

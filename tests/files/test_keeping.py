@@ -20,6 +20,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.commands import simulate as simulate_command
+from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
 from bellcrank.simulation import checkpoints
@@ -94,6 +95,7 @@ def stopped_by_its_caller(scene, folder, blocks=3, **settings):
     return folder / "run.blocks"
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("name", "changes", "settings"),
     [
@@ -140,6 +142,7 @@ def test_a_run_that_ends_leaves_its_file_and_no_blocks_and_the_numbers_are_the_s
     assert (tmp_path / "short.npz").is_file() and not left(tmp_path)
 
 
+@pytest.mark.tier2
 def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(tmp_path, monkeypatch, capsys):
     first = bc.load_run(stopped_by_its_caller("pendulum", tmp_path, blocks=1, **LASTS))
     with pytest.raises(InputError, match=f"another simulation is writing there .process {os.getpid()}."):
@@ -156,8 +159,8 @@ def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(t
     assert "interrupted" in capsys.readouterr().out
     bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)
     assert {path.name for path in tmp_path.iterdir()} >= {"run.npz", "run.blocks.1", "run.blocks.2"}
-    start = bc.load_scene("pendulum").with_overrides({"initial": {"run": str(tmp_path / "run.blocks.1")}})
-    assert start.start[0] == pytest.approx(first.position[-1], abs=1e-15)
+    scene = bc.load_scene("pendulum").with_overrides({"initial": {"run": str(tmp_path / "run.blocks.1")}})
+    assert consistent_start(scene)[0] == pytest.approx(first.position[-1], abs=1e-15)
 
 
 def test_blocks_that_are_no_blocks_are_refused_in_one_sentence(tmp_path):
@@ -317,6 +320,7 @@ def limited(size):
     return {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))}
 
 
+@pytest.mark.tier2
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_what_the_disk_takes_is_written_what_matters_most_first_and_the_rest_is_told(tmp_path):
     (tmp_path / "run.csv").write_text("earlier")
@@ -359,6 +363,7 @@ def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
 SLOW = ["--set", "simulate.max_step=1e-3", "--no-plots"]
 
 
+@pytest.mark.tier2
 def test_a_sweep_that_is_killed_keeps_its_designs_and_the_same_command_goes_on(tmp_path, capsys):
     command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:3000", *SLOW, "--out", str(tmp_path)]
     process = begun(*command, "--threads", "1", "--keep-every", "0.05")
@@ -381,6 +386,7 @@ def test_a_sweep_that_is_killed_keeps_its_designs_and_the_same_command_goes_on(t
 # ---- signals
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("number", "command", "result", "status"),
     [
@@ -486,6 +492,7 @@ def test_runs_that_nobody_asks_for_their_status_are_not_taken_for_whole_ones(han
 # ---- streams
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("tail", "status", "unbuffered"),
     [(">&- 2>&- <&-", 0, ""), ("2>&1 | true; exit ${PIPESTATUS[0]}", 0, "1"), ("> /dev/full", 2, "")],
@@ -624,6 +631,7 @@ def check_files(folder):
             assert bc.load_run(path).status == "interrupted"
 
 
+@pytest.mark.tier2
 def test_no_kill_at_any_moment_leaves_half_a_file_and_the_next_run_cleans_up(tmp_path):
     dice = random.Random(11)
     commands = [

@@ -11,6 +11,8 @@ import fuzz_inputs
 import fuzz_run
 import pytest
 
+pytestmark = pytest.mark.tier2
+
 CASES = int(os.environ.get("BELLCRANK_FUZZ_CASES", "25"))
 SEED = int(os.environ.get("BELLCRANK_FUZZ_SEED", "1"))
 

@@ -79,6 +79,7 @@ def test_lecture_circle_against_the_closed_form(arm, elbow):
     assert found == pytest.approx(LECTURE[elbow], rel=1e-11)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("orientation", [None, "hold", (np.pi, 0.0, 0.3)])
 def test_redundant_arm_repeats_on_a_closed_path(panda, orientation):
     motion = circle(
@@ -117,6 +118,7 @@ def test_redundant_posture_is_the_nearest_to_the_start(panda):
         assert np.max(np.abs(free @ (q - start))) < 1e-12
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("orientation", [None, "hold"])
 @pytest.mark.parametrize("profile", ["constant", "quintic", "s_curve", "trapezoid"])
 def test_rates_are_the_derivatives_of_the_posture(ur5, profile, orientation):
@@ -278,6 +280,7 @@ POLAR = """<robot name="polar"><link name="ground"/><link name="a"/><link name="
 <joint name="t" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="{out} 0 0"/></joint></robot>"""
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3])
 def test_a_robot_that_turns_and_reaches_is_as_far_from_singular_at_any_size(tmp_path, size):
     """Its Jacobian has lever arms and shares of 1 in it; 0.4.0 calls it singular at 1 µm, and nearly so at 1 mm."""
@@ -293,6 +296,7 @@ def test_a_robot_that_turns_and_reaches_is_as_far_from_singular_at_any_size(tmp_
     np.testing.assert_allclose(np.hypot(*(place - [1.0, 0.6]).T), 0.3, rtol=1e-12)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
 def test_a_robot_that_turns_and_reaches_is_refused_where_its_levers_vanish_at_any_size(tmp_path, size):
     file = tmp_path / "polar.urdf"

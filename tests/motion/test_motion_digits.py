@@ -86,6 +86,7 @@ def test_what_is_unknown_of_a_motion_stays_with_it_when_it_is_joined(arm, tmp_pa
     assert exact.position_noise == (0.0, 0.0)
 
 
+@pytest.mark.tier2
 def test_a_linkage_that_follows_a_file_with_few_digits_does_not_start_moving(tmp_path):
     scene = bc.load_scene("five_bar")
     motion = bc.Linkage(scene).motion("pick")

@@ -105,6 +105,7 @@ def test_a_share_of_the_limits_stretches_the_move(arm: bc.Robot) -> None:
     assert (whole.duration, half.duration) == pytest.approx((2.5, 4.5), rel=1e-12)
 
 
+@pytest.mark.tier2
 def test_the_path_of_a_blend_misses_the_corner_by_the_closed_form_and_is_smooth() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):

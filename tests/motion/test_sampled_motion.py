@@ -90,6 +90,7 @@ def torques(arm, s, v, a):
     return arm.inverse_dynamics(q, qd, qdd)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("dt", [0.001, 0.005, 0.02, 0.05, "uneven"])
 @pytest.mark.parametrize("kinds", [1, 2, 3], ids=["p", "pv", "pva"])
 @pytest.mark.parametrize("shape", list(SHAPES))
@@ -191,6 +192,7 @@ def test_positions_of_six_decimals_at_1_khz_are_differentiated_over_longer_steps
     assert np.all(np.isin(times(0.001), motion.time))
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("samples", [1001, 201, 101, 51])
 def test_a_bang_bang_run_sized_from_its_own_file_has_the_torques_it_was_driven_by(tmp_path, samples):
     (tmp_path / "a.csv").write_text("time [s],shoulder torque [N m]\n0,200\n0.5,-200\n1,-200\n", encoding="utf-8")

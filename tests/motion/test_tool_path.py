@@ -29,6 +29,7 @@ def along(arm: bc.Robot, points: list[Any] = POINTS, **given: Any) -> bc.Motion:
     return bc.tool_path(arm, "tip", points, **{"begin": BEGIN, "start": {"elbow": 1.0}, **LIMITS, **given})
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("blend", [0.0, 0.02, 0.1])
 def test_speed_acceleration_and_jerk_of_the_frame_are_kept_and_reached(arm: bc.Robot, blend: float) -> None:
     motion = along(arm, blend=blend, samples=2001)
@@ -68,6 +69,7 @@ def test_without_a_blend_the_frame_stops_at_the_point_and_reaches_it(arm: bc.Rob
     assert np.linalg.norm(position - np.array(POINTS[1]), axis=1).min() > 1e-4
 
 
+@pytest.mark.tier2
 def test_arcs_pass_through_their_three_points_in_order() -> None:
     rng = np.random.default_rng(11)
     for _ in range(50):

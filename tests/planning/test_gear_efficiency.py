@@ -12,6 +12,8 @@ from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.planning.fastest_pass import fastest_on_grid
 from bellcrank.planning.path_limits import PathLimits
 
+pytestmark = pytest.mark.tier2
+
 MOTOR = {"peak_torque": 0.6, "nominal_torque": 0.3, "nominal_speed": 300.0, "max_speed": 700.0, "rotor_inertia": 2e-5}
 
 

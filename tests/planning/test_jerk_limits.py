@@ -16,6 +16,8 @@ from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
 from bellcrank.planning.joint_path import paths_of_motion
 from bellcrank.planning.path_limits import PathLimits
 
+pytestmark = pytest.mark.tier2
+
 
 def seven_segments(distance: float, speed: float, acceleration: float, jerk: float) -> float:
     """The time of the S-curve between rests: jerk, acceleration and speed each at their limit as long as possible."""

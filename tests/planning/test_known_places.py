@@ -49,6 +49,7 @@ def test_every_place_is_computed_once() -> None:
     assert sorted(asked) == every.tolist()
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("case", [arm, linkage])
 def test_the_motion_is_the_same_without_kept_places(case: object, monkeypatch: pytest.MonkeyPatch) -> None:
     assert callable(case)

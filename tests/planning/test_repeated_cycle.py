@@ -23,6 +23,7 @@ def fast_motion(robot: str, path: str) -> bc.Motion:
     return bc.time_optimal(robot, path, costs=False).motion
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("robot", "path"), [("geared_pendulum", "lift_and_return"), ("planar_2r", "elbow_up"), ("ur5", "circle")]
 )
@@ -44,6 +45,7 @@ def test_a_motion_that_motors_bear_is_repeated_as_it_is() -> None:
     assert "without a pause" in cycle.table()
 
 
+@pytest.mark.tier2
 def test_motors_that_cannot_hold_the_last_posture_bear_no_cycle() -> None:
     config = bc.load_robot_config("geared_pendulum")
     weak = {"shoulder": dataclasses.replace(config.actuators["shoulder"], rated_torque=0.01)}
@@ -88,6 +90,7 @@ def hot_pendulum() -> tuple[bc.Robot, bc.Motion, dict[str, bc.Actuator]]:
     return arm, motion, {"shoulder": bc.Actuator.of(motor, gear)}
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("by", ["pause", "speed"])
 def test_the_winding_of_a_marched_cycle_reaches_its_limit(by: str) -> None:
     arm, motion, actuators = hot_pendulum()
@@ -126,6 +129,7 @@ def test_the_winding_of_a_marched_cycle_reaches_its_limit(by: str) -> None:
     assert peak == pytest.approx(motor.max_winding_temperature, abs=0.05)
 
 
+@pytest.mark.tier2
 def test_the_command_writes_the_cycle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from bellcrank.cli import main
 

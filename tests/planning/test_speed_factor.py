@@ -11,6 +11,8 @@ import bellcrank as bc
 from bellcrank.planning.speed_scaling import scaled_motion
 from bellcrank.simulation.scene_notes import scene_notes
 
+pytestmark = pytest.mark.tier2
+
 PEAKS = ("peak torque", "speed", "torque-speed curve")
 
 

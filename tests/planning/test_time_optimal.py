@@ -163,6 +163,7 @@ def programme_time(robot: bc.Robot, path: bc.JointPath, torque: float, cells: in
     return float(cost[0])
 
 
+@pytest.mark.tier2
 def test_no_dynamic_programme_over_speeds_is_faster_with_viscous_friction() -> None:
     robot = bc.load_robot("planar_2r", friction={"shoulder": (6.0, 1.0), "elbow": (4.0, 0.5)})
     path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
@@ -173,6 +174,7 @@ def test_no_dynamic_programme_over_speeds_is_faster_with_viscous_friction() -> N
     assert found.duration == pytest.approx(bound, rel=0.03)  # the programme's speeds are rounded to levels
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("name", "motion"), [("planar_2r", "elbow_up"), ("ur5", "circle"), ("geared_pendulum", None),
                                               ("xarm7", "stack"), ("ur5", "pick_and_place")])  # fmt: skip
 def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reached(
@@ -197,6 +199,7 @@ def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reache
     assert np.sum(durations[idle]) <= 1e-6 * found.duration
 
 
+@pytest.mark.tier2
 def test_each_shipped_limit_costs_time_and_more_of_it_saves_time() -> None:
     found = bc.time_optimal("planar_2r", "elbow_down")
     assert all(cost.derivative <= 1e-6 for cost in found.costs)
@@ -280,6 +283,7 @@ def test_the_acceleration_of_a_frame_is_that_of_differences() -> None:
     assert angular == pytest.approx((later[1] - earlier[1]) / (2.0 * h), abs=1e-8)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("more", [{}, {"tool_speed": 1.0}, {"torque": {"shoulder": 60.0, "elbow": 40.0}}])
 def test_the_acceleration_of_a_tool_is_kept_and_reached(more: dict[str, Any]) -> None:
     robot = bc.load_robot("planar_2r", friction="none")
@@ -307,6 +311,7 @@ def test_the_angular_acceleration_of_a_tool_is_kept() -> None:
     assert angular.max() == pytest.approx(1.5, rel=1e-6)
 
 
+@pytest.mark.tier2
 def test_a_circle_at_a_limited_acceleration_takes_the_time_of_its_closed_form() -> None:
     """u² + x²/r² = a² gives x = a r sin(2 s/r) until x = a r; then the speed stays √(a r)."""
     robot, a, r = bc.load_robot("planar_2r", friction="none"), 3.0, 0.3
@@ -337,6 +342,7 @@ def test_speed_factors_know_the_acceleration_of_a_tool() -> None:
     assert norm.max() == pytest.approx(3.0, rel=1e-4)  # eight samples between two rows
 
 
+@pytest.mark.tier2
 def test_a_path_with_blends_is_passed_without_a_stop() -> None:
     robot = bc.load_robot("planar_2r", friction="none")
     postures = [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}]
@@ -354,6 +360,7 @@ def test_a_path_with_blends_is_passed_without_a_stop() -> None:
         bc.joint_path(robot, postures, [0.0, 1.0, 2.0], blend=0.1)
 
 
+@pytest.mark.tier2
 def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> None:
     robot = bc.load_robot("planar_2r", friction={"shoulder": (6.0, 1.0), "elbow": (4.0, 0.5)})
     path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
@@ -375,6 +382,7 @@ def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> 
         assert cost.derivative == pytest.approx((4.0 * narrow - wide) / 3.0, abs=3e-3)
 
 
+@pytest.mark.tier2
 def test_a_linkage_that_turns_around_stops_there_and_keeps_its_limits() -> None:
     found = bc.time_optimal("five_bar", "pick", costs=False)
     assert found.excess <= 1e-6
@@ -384,6 +392,7 @@ def test_a_linkage_that_turns_around_stops_there_and_keeps_its_limits() -> None:
     assert len(np.unique(found.motion.time[rest].round(9))) == 4  # begin, end, and twice where it turns around
 
 
+@pytest.mark.tier2
 def test_a_linkage_with_a_floating_platform_moves_along_its_path() -> None:
     linkage = bc.Linkage(bc.load_scene("planar_delta"))
     motion = linkage.motion("pick")
@@ -425,6 +434,7 @@ def geared_elbow(folder: Path, ratings: str) -> bc.RobotConfig:
     return bc.load_robot_config(folder / "arm.yaml")
 
 
+@pytest.mark.tier2
 def test_accelerations_that_efficiency_splits_in_two_are_told_without_a_grid_too(tmp_path: Path) -> None:
     ratings = "rotor_inertia: 1.8697e-4, peak_torque: 0.84188, rated_torque: 0.42, efficiency: 0.74912"
     config = geared_elbow(tmp_path, ratings)
@@ -435,6 +445,7 @@ def test_accelerations_that_efficiency_splits_in_two_are_told_without_a_grid_too
         assert any("splits the allowed accelerations in two" in warning for warning in found.warnings), grid
 
 
+@pytest.mark.tier2
 def test_where_holes_spoil_cells_that_adapt_themselves_a_grid_keeps_the_limits_better(tmp_path: Path) -> None:
     file = tmp_path / "arm.yaml"
     file.write_text(
@@ -451,3 +462,20 @@ def test_where_holes_spoil_cells_that_adapt_themselves_a_grid_keeps_the_limits_b
     assert found.excess < 0.02  # cells that adapt themselves: 0.66
     for told in ("splits the allowed accelerations", "equal cells", "exceeds a limit", "duty program"):
         assert any(told in warning for warning in found.warnings), told
+
+
+def test_a_urdf_that_gives_0_gives_no_limit(tmp_path: Path) -> None:
+    path = tmp_path / "rotor.urdf"
+    path.write_text(ROTOR.format(x=LENGTH, mass=MASS, inertia=INERTIA).replace('effort="5"', 'effort="0"'))
+    robot = bc.load_robot(path)
+    found = bc.time_optimal(
+        robot, bc.joint_path(robot, [{}, {"hinge": 1.9}]), bc.MotionLimits(acceleration={"hinge": 5.0}), costs=False
+    )
+    assert found.duration == pytest.approx(2 * (1.9 / 5.0) ** 0.5, rel=1e-8)  # half of the way faster, half slower
+
+
+def test_the_error_of_the_time_on_a_grid_is_of_first_order_in_the_cell(tmp_path: Path) -> None:
+    robot = rotor(tmp_path, gravity=9.81)
+    exact = fastest(robot, 1.9, 12.0).duration
+    coarse, middle, fine = (fastest(robot, 1.9, 12.0, grid=cells).duration - exact for cells in (500, 1000, 2000))
+    assert 1.9 < coarse / middle < 2.3 and 1.9 < middle / fine < 2.3

@@ -98,6 +98,7 @@ def looked_up(lines, truth):
     }
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", [name for name in NAMES if name != HUGE])
 def test_every_bundled_run_is_shown_as_it_is_at_random_times(name):
     run, rng = bc.simulate(name), np.random.default_rng(5)
@@ -131,6 +132,7 @@ def no_meshes(monkeypatch):
     )
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", SIZED)
 def test_every_bundled_sizing_is_shown_as_its_motions_are_at_random_times(name, no_meshes):
     sizing = sized(name)
@@ -260,6 +262,7 @@ def test_a_coarse_run_is_shown_on_the_curve_through_its_rows(no_meshes):
     assert compared(looked_up(lines, truth), truth, times) > 6
 
 
+@pytest.mark.tier2
 def test_a_million_rows_make_a_small_page_whose_series_are_right():
     base = bc.simulate("pendulum", duration=10.0, samples=11)
     run = bc.simulate("pendulum", duration=10.0, samples=1_000_001)
@@ -283,7 +286,7 @@ def test_what_cannot_be_told_in_so_few_numbers_is_said_to_be_extremes():
 # ---- in a browser
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_page_reads_off_what_is_true_in_a_dwell_and_after_a_zoom_its_playhead_stays_with_its_time(
     open_page, tmp_path, no_meshes
 ):

@@ -16,6 +16,7 @@ def fastest() -> bc.FastestMotion:
     return bc.time_optimal("planar_2r", "elbow_up")
 
 
+@pytest.mark.tier2
 def test_each_time_has_the_limit_that_is_active_in_its_cell(fastest: bc.FastestMotion) -> None:
     film = film_of_fastest(fastest)
     starts = [limit.time for limit in film.limits]
@@ -30,6 +31,7 @@ def test_each_time_has_the_limit_that_is_active_in_its_cell(fastest: bc.FastestM
         assert film.axes[limit.axis].name == limit.text.rpartition(" of ")[2]
 
 
+@pytest.mark.tier2
 def test_limits_of_a_frame_have_no_axis(fastest: bc.FastestMotion) -> None:
     robot = bc.load_robot("planar_2r", friction="none")
     limits = bc.MotionLimits(speed="none", torque="none", tool="tip", tool_acceleration=3.0)

@@ -91,6 +91,7 @@ def shown(film, body, times):
 # ---- poses
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["four_bar", "disk", "arm"])
 def test_frames_are_where_the_run_says_and_between_them_no_point_is_off_by_more_than_the_bound(name, request):
     run = request.getfixturevalue(name)
@@ -187,6 +188,7 @@ PIN = "{name: pin, kind: hinge, frame_a: grip, frame_b: world, point: [0.5, 0.1,
 WELD = "{name: weld, kind: weld, frame_a: grip, frame_b: world, point: [0.5, 0.1, 0.5]}"
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("constraints", [f"{ROD}, {PIN}", WELD], ids=["rod and hinge", "weld"])
 def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constraints):
     """Jᵀ λ at a joint is axis · (moment about it) of all that the arrows put on the links beyond it."""
@@ -223,6 +225,7 @@ def test_arrows_of_constraints_do_the_work_of_their_multipliers(tmp_path, constr
     assert np.abs(got - need).max() < 1e-8 * np.abs(need).max()
 
 
+@pytest.mark.tier2
 def test_the_film_of_a_sizing_has_rods_springs_and_the_lengths_that_parameters_give(tmp_path):
     (tmp_path / "rod.yaml").write_text(
         "name: rod\nurdf: planar_2r\ngravity: [0, -9.81, 0]\nactuated: [shoulder]\n"
@@ -281,6 +284,7 @@ def test_charts_are_those_of_the_plots_and_keep_values_of_the_run(four_bar):
         assert charts[title].logarithmic and charts[title].unit == unit
 
 
+@pytest.mark.tier2
 def test_the_most_telling_charts_come_first_and_no_title_repeats_its_unit(four_bar, sizing):
     closed = [chart.title.split(" ")[0] for chart in film_of_run(four_bar).charts]
     assert closed[:4] == ["position", "velocity", "multiplier", "energy"] and closed.index("outputs:") == 4
@@ -300,6 +304,7 @@ def test_facts_begin_with_how_it_ended_and_repeat_no_title(four_bar, sizing):
     assert "robot" not in dict(film.facts) and ("robot", "planar_2r") in film_of_sizing(sizing, title="My arm").facts
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["rolling_disk", "rolling_disk_six", "two_wheeler"])
 def test_what_rolls_has_marks_off_its_axle_by_which_its_spin_is_seen(name):
     film = film_of_run(bc.simulate(name, duration=0.1))
@@ -503,6 +508,7 @@ def test_rows_too_far_apart_to_tell_how_something_turned_are_told_of():
     assert any("turns by up to" in note and "more samples" in note for note in film_of_run(run).notes)
 
 
+@pytest.mark.tier2
 def test_a_run_that_flies_apart_gives_a_film_of_bounded_length(four_bar):
     state = four_bar.state.copy()
     state[-3:, 0] += (1e6, 1e12, 1e69)
@@ -510,6 +516,7 @@ def test_a_run_that_flies_apart_gives_a_film_of_bounded_length(four_bar):
     assert len(film.time) < 300_000
 
 
+@pytest.mark.tier2
 def test_a_saved_run_keeps_the_meshes_of_its_robot(tmp_path):
     run = bc.simulate("ur5_falling", duration=0.1, samples=11)
     film = film_of_run(bc.load_run(run.save(tmp_path / "run.npz")))

@@ -71,6 +71,7 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("what", REFUSED)
 def test_a_mesh_that_claims_or_repeats_too_much_is_a_phrase(what):
     data, suffix, words = REFUSED[what]

@@ -34,6 +34,8 @@ from bellcrank.replays.film.film import (
 from bellcrank.replays.geometry.shapes import Body, Mesh, Shape
 from bellcrank.replays.page.page import ASSETS, page_html, write_page
 
+pytestmark = pytest.mark.tier2
+
 pytest_plugins = ("browser",)
 
 BLUE, GREEN, RED = (0.1, 0.3, 0.8, 1.0), (0.1, 0.6, 0.3, 1.0), (0.9, 0.1, 0.1, 1.0)
@@ -183,7 +185,7 @@ def boxes(open_page, folder):
 # ---- what is seen
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_rod_is_drawn_between_its_ends_and_moves_with_them(open_page, folder):
     places = kinematics(arm().time)[0]
     ends = np.stack([0 * places[:, 0] + [-0.6, 0.0, 0.2], places[:, 2]], axis=1)
@@ -204,7 +206,7 @@ def test_a_rod_is_drawn_between_its_ends_and_moves_with_them(open_page, folder):
         assert not (changed & ~grown(outline, 6)).any()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_page_opens_from_its_file_with_no_request_and_no_error_and_is_small(player, folder):
     assert player.tab.title() == "Arm of two boxes"
     assert player.do("[b.start, b.end, b.duration, b.frames, b.time]") == [0, 10, 10, 601, 0]
@@ -212,14 +214,14 @@ def test_a_page_opens_from_its_file_with_no_request_and_no_error_and_is_small(pl
     assert (folder / "arm.html").stat().st_size < 500_000
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_pictures_differ_between_times_and_are_the_same_at_one(boxes):
     first, later, again = (picture(boxes, t) for t in (1.0, 3.0, 1.0))
     assert (np.abs(first - later).sum(axis=2) > 24).sum() > 2000
     assert np.array_equal(first, again)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize("t", [0.7, 4.243, 8.9])
 def test_the_forearm_covers_the_silhouette_of_its_corners(boxes, t):
     corners = seen_at(boxes_camera(), corners_at(t), (640, 480))
@@ -231,7 +233,7 @@ def test_the_forearm_covers_the_silhouette_of_its_corners(boxes, t):
     assert not (covered & ~grown(expected, 2)).any()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize("t", [0.7, 4.243, 8.9])
 def test_the_tip_is_seen_where_the_kinematics_say_within_two_pixels(boxes, t):
     rows, columns = np.nonzero(pixels_of(boxes, 2, t))
@@ -251,7 +253,7 @@ def grown(mask, by):
     return out
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize(("scale", "bound"), [(1.0, 1e-4), (1e-3, 1e-9), (1e3, 0.0)])
 def test_poses_come_back_within_the_bound_that_the_page_states(open_page, folder, scale, bound):
     film = arm(error_bound=bound, **EMPTY, charts=(), xy_plots=(), events=())
@@ -273,7 +275,7 @@ def test_poses_come_back_within_the_bound_that_the_page_states(open_page, folder
     assert opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_trace_is_drawn_to_the_very_point_reached(open_page, folder):
     time = np.array([0.0, 4.0, 10.0])
     line = np.array([[-0.5, 0, 0.6], [-0.1, 0, 0.6], [0.5, 0, 0.6]])
@@ -287,7 +289,7 @@ def test_a_trace_is_drawn_to_the_very_point_reached(open_page, folder):
         assert np.nonzero(orange)[1].max() + 1 == pytest.approx(seen_at(film.camera, end, (640, 480))[0], abs=2.0)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_layers_are_switched_by_their_names(player):
     names = [layer["name"] for layer in player.do("b.layers()")]
     assert names == ["path of the ball", "spring", "contact [N]", "motor [N m]", "axes", "torsion springs"]
@@ -299,7 +301,7 @@ def test_layers_are_switched_by_their_names(player):
     assert np.array_equal(everything, picture(player, 6.0))
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_drag_turns_the_camera_and_the_screen_shows_what_is_captured(open_page, folder):
     opened = open_page(folder / "arm.html", "#t=3&still=1")
     opened.tab.add_style_tag(content="#scale, #caption { display: none !important; }")
@@ -321,7 +323,7 @@ def drag(mouse, start, end):
     mouse.up()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_mesh_is_drawn_and_shared_meshes_are_stored_once(open_page, folder):
     vertices = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.4, 0], [0, 0, 0.4]], dtype=np.float32)
     mesh = Mesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32))
@@ -332,7 +334,7 @@ def test_a_mesh_is_drawn_and_shared_meshes_are_stored_once(open_page, folder):
     assert pixels_of(opened, 0, 2.0).sum() > 500 and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize(("far", "offered", "taken"), [(0.0, False, False), (15.0, True, False), (500.0, True, True)])
 def test_bodies_that_travel_far_can_be_followed_and_are_where_nothing_would_be_seen(
     open_page, folder, far, offered, taken
@@ -361,7 +363,7 @@ def test_bodies_that_travel_far_can_be_followed_and_are_where_nothing_would_be_s
 # ---- the player
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_play_runs_the_time_pause_stops_it_and_speed_and_loop_are_kept(open_page, folder):
     opened = open_page(folder / "arm.html", wait=False)
     opened.tab.clock.install()
@@ -390,7 +392,7 @@ def test_play_runs_the_time_pause_stops_it_and_speed_and_loop_are_kept(open_page
     assert len(opened.do("b.frameTimes")) > 40 and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_times_since_1970_are_told_apart_to_the_microsecond(open_page, folder):
     film, since = arm(61, 1.0), 1.7e9
     shifted = dataclasses.replace(film, time=film.time + since, traces=(), charts=(), xy_plots=(), events=())
@@ -401,7 +403,7 @@ def test_times_since_1970_are_told_apart_to_the_microsecond(open_page, folder):
     assert opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_keys(player):
     step = 10.0 / 600
 
@@ -424,7 +426,7 @@ def test_keys(player):
     assert pressed("Escape", "document.getElementById('help').open") is False
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_step_back_from_between_frames_is_the_frame_before(player):
     player.do("b.seek(5.01)")
     player.tab.click("#back")
@@ -433,7 +435,7 @@ def test_a_step_back_from_between_frames_is_the_frame_before(player):
     assert player.do("b.time") == pytest.approx(5.0 + 10 / 600, abs=1e-6)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_scrub_bar_goes_to_a_time_and_tells_of_marks(player):
     bar = player.tab.locator("#scrub").bounding_box()
     x = bar["x"] + 8 + 0.7 * (bar["width"] - 16)  # the bar's ends lie half a thumb inside
@@ -447,7 +449,7 @@ def test_the_scrub_bar_goes_to_a_time_and_tells_of_marks(player):
     assert player.do("b.time") == 2.5 and player.tab.inner_text("#clock") == "2.500 / 10 s"
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_an_address_tells_the_time_and_hides_what_is_around(open_page, folder):
     opened = open_page(folder / "arm.html", "#t=3.2&still=1")
     assert opened.do("b.time") == 3.2
@@ -458,7 +460,7 @@ def test_an_address_tells_the_time_and_hides_what_is_around(open_page, folder):
 # ---- plots
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_dragging_the_cursor_of_a_chart_moves_the_robot_and_back(player):
     player.tab.locator(".chart .u-over").first.scroll_into_view_if_needed()
     over = player.tab.locator(".chart .u-over").first.bounding_box()
@@ -482,7 +484,7 @@ def test_dragging_the_cursor_of_a_chart_moves_the_robot_and_back(player):
     player.tab.mouse.move(5, 5)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_press_in_a_plane_goes_to_the_nearest_time(player):
     over = player.tab.locator(".xy-plot .u-over")
     over.scroll_into_view_if_needed()
@@ -495,7 +497,7 @@ def test_a_press_in_a_plane_goes_to_the_nearest_time(player):
     assert player.do("b.time") == pytest.approx(4, abs=0.1)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_lines_are_chosen_in_the_legend_and_only_eight_are_shown_at_first(open_page, folder):
     t = np.linspace(0, 1, 50)
     chart = Chart(title="many", unit="m", time=t, lines=tuple(Line(f"line {k}", np.sin(t + k)) for k in range(11)))
@@ -510,7 +512,7 @@ def test_lines_are_chosen_in_the_legend_and_only_eight_are_shown_at_first(open_p
     assert told[0] == "" and told[10] == "−0.544" and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_values_that_are_not_finite_are_gaps(open_page, folder):
     t = np.linspace(0.0, 10.0, 101)
     values = np.sin(t)
@@ -533,7 +535,7 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
     assert opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_rounding_is_told_as_zero_beside_what_is_large(open_page, folder):
     t = np.linspace(0.0, 10.0, 101)
     chart = Chart(title="speed", unit="m/s", time=t, lines=(Line("one", 2.0 + 0 * t), Line("noise", 8e-17 + 0 * t)))
@@ -546,7 +548,7 @@ def test_rounding_is_told_as_zero_beside_what_is_large(open_page, folder):
     assert told == ["2", "0", "8e−17", "0.5403, 0 at 1.000 s"] and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open_page, folder):
     """A slope of one pixel in twenty shows shades between its colour and the paper's; a gap of 1 ms is a gap."""
     t = np.array([0.0, 5.0, 5.0005, 5.001, 10.0])
@@ -566,7 +568,7 @@ def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open
     assert len(np.unique(sloped[sloped < 200])) > 5
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_peak_that_would_hide_all_else_makes_a_chart_logarithmic_above_the_usual(open_page, folder):
     t = np.linspace(0.0, 10.0, 1001)
     peak = np.where(t > 9.9, 3000.0, np.sin(t))
@@ -579,7 +581,7 @@ def test_a_peak_that_would_hide_all_else_makes_a_chart_logarithmic_above_the_usu
     assert heads == ["[N], logarithmic above 1", "[N]"] and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_long_panel_has_a_list_of_its_plots_to_go_to(player):
     assert player.tab.locator("[aria-label='Go to a plot'] option").all_inner_texts()[1:] == [
         "position", "residual", "motor", "events",
@@ -589,7 +591,7 @@ def test_a_long_panel_has_a_list_of_its_plots_to_go_to(player):
     player.do("document.getElementById('panel').scrollTo(0, 0)")
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_first_fact_is_told_whole_on_a_phone(open_page, folder):
     facts = (
         ("verdict", "All inside: the tightest margin is 11 %, " + "shoulder_pan_joint's speed. " * 2),
@@ -603,7 +605,7 @@ def test_the_first_fact_is_told_whole_on_a_phone(open_page, folder):
     assert opened.tab.inner_text("#more") == "fewer facts" and opened.tab.locator("#facts dd >> nth=1").is_visible()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize("width", [296, 320, 360])
 @pytest.mark.parametrize("end", [0.73004, 10.0, 86400.5])
 def test_a_narrow_phone_shows_all_buttons_without_scrolling_sideways(open_page, folder, width, end):
@@ -616,13 +618,13 @@ def test_a_narrow_phone_shows_all_buttons_without_scrolling_sideways(open_page, 
     assert opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_without_plots_the_page_has_none(boxes):
     assert boxes.tab.locator(".u-over").count() == 0
     assert boxes.do("typeof uPlot") == "undefined" and boxes.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_without_webgl_the_plots_work_and_a_message_says_so(open_page, folder):
     none = (
         "const get = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext = "
@@ -637,7 +639,7 @@ def test_without_webgl_the_plots_work_and_a_message_says_so(open_page, folder):
 # ---- what may be wrong
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_names_cannot_bring_anything_into_the_page(open_page, folder):
     names = ("__proto__", "constructor", "toString", "a/b", HOSTILE)
     t = np.array([0.0, 1.0])
@@ -673,7 +675,7 @@ def test_names_cannot_bring_anything_into_the_page(open_page, folder):
     assert opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_policy_lets_no_other_script_run(open_page, folder):
     text = page_html(arm(), plots=False)
     injected = '<script>window.hacked = 1</script><img src="x:" onerror="window.hacked = 2">'
@@ -688,7 +690,7 @@ def test_the_policy_lets_no_other_script_run(open_page, folder):
     assert len([error for error in opened.errors if "Content Security Policy" in error]) >= 4
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_film_of_one_frame_is_a_still(open_page, folder):
     full = arm()
     one = {name: getattr(full, name)[:1] for name in ("time", "poses")}
@@ -705,7 +707,7 @@ def test_a_film_of_one_frame_is_a_still(open_page, folder):
     assert pixels_of(opened, 1, 0.0).sum() > 500 and opened.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_phone_has_no_sideways_scroll_and_targets_for_fingers(open_page, folder):
     opened = open_page(folder / "arm.html", size=(390, 844), has_touch=True, is_mobile=True, device_scale_factor=2)
     assert opened.do("document.documentElement.scrollWidth") == 390

@@ -48,7 +48,7 @@ def colours(picture):
 # ---- what they show
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_still_is_the_view_at_its_time_in_its_size(page, tmp_path):
     first = Image.open(rendering.render_still(page, tmp_path / "a.png", 0.0, SMALL))
     last = Image.open(rendering.render_still(page, tmp_path / "b.png", size=SMALL))
@@ -56,7 +56,7 @@ def test_a_still_is_the_view_at_its_time_in_its_size(page, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "b.png"]
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_gif_runs_as_long_as_the_run_and_its_ends_are_the_stills(page, tmp_path):
     told = []
     out = rendering.render_video(page, tmp_path / "a.gif", 2.0, 15, SMALL, lambda done, of: told.append((done, of)))
@@ -73,6 +73,7 @@ def test_a_gif_runs_as_long_as_the_run_and_its_ends_are_the_stills(page, tmp_pat
         assert np.abs(render_still - frame).mean() < 3.0  # of 255: the colours of a GIF are 256
 
 
+@pytest.mark.tier2
 def test_a_gif_of_many_frames_takes_no_more_memory_than_one_of_few(tmp_path):
     alive = []
 
@@ -96,7 +97,7 @@ def test_a_gif_of_many_frames_takes_no_more_memory_than_one_of_few(tmp_path):
     assert np.ptp(shown[70, 60:98], axis=0).max() == 0 and np.abs(shown[70, 75] - shown[70, 20]).max() > 50
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_an_mp4_holds_every_frame(page, tmp_path):
     out = rendering.render_video(page, tmp_path / "a.mp4", 1.0, 20, (161, 121))  # odd sides are made even
     said = subprocess.run(
@@ -109,7 +110,7 @@ def test_an_mp4_holds_every_frame(page, tmp_path):
 # ---- what is refused
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("name", "options", "sentence"),
     [
@@ -135,7 +136,7 @@ def test_without_a_browser_the_command_says_so_before_it_simulates(no_browser, m
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_without_playwright_it_says_what_to_install(page, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "playwright", None)
     with pytest.raises(InputError, match=r"pip install 'bellcrank\[film\]'"):
@@ -143,7 +144,7 @@ def test_without_playwright_it_says_what_to_install(page, monkeypatch, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_without_an_encoder_it_says_so_and_one_that_fails_tells_why(page, monkeypatch, tmp_path):
     monkeypatch.setattr(rendering.shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -156,7 +157,7 @@ def test_without_an_encoder_it_says_so_and_one_that_fails_tells_why(page, monkey
         rendering._write_mp4(iter([b"x" * 10] * 3), tmp_path / "a.mp4", 30, str(failing))
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_film_that_is_interrupted_leaves_nothing_and_stops_the_encoder(page, tmp_path):
     def stop(done, of):
         if done == 3:
@@ -168,7 +169,7 @@ def test_a_film_that_is_interrupted_leaves_nothing_and_stops_the_encoder(page, t
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_page_that_does_not_draw_is_told_of(page, tmp_path, monkeypatch):
     monkeypatch.setattr(headless_browser, "TIMEOUT", 500)
     (tmp_path / "blank.html").write_text("<p>nothing</p>")

@@ -66,6 +66,7 @@ def test_collada_texture_becomes_its_mean_colour_or_grey(tmp_path):
     assert read_parts(data, ".dae", no_file)[0].colour == (0.7, 0.7, 0.7, 1.0)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("data", "suffix", "said"),
     [
@@ -138,7 +139,8 @@ def test_a_simplified_ball_keeps_within_a_few_tolerances_of_the_ball(tolerance):
     assert volume(vertices, faces) == pytest.approx(4.0 / 3.0 * np.pi, rel=20.0 * tolerance)
 
 
-def test_a_finely_divided_cube_simplifies_to_its_twelve_faces():
+@pytest.mark.parametrize("tolerance", [1e-6, 0.0])
+def test_a_finely_divided_cube_simplifies_to_its_twelve_faces(tolerance):
     steps = np.linspace(0.0, 1.0, 9)
     soup = []
     for a, b, c, d in CUBE[np.array(QUADS)]:
@@ -148,7 +150,7 @@ def test_a_finely_divided_cube_simplifies_to_its_twelve_faces():
                 p, q, r, s = grid[i, j], grid[i, j + 1], grid[i + 1, j + 1], grid[i + 1, j]
                 soup += [p, q, r, p, r, s]
     surface = Simplifier(*weld(np.array(soup), np.arange(len(soup)).reshape(-1, 3)))
-    surface.reduce(1e-6)
+    surface.reduce(tolerance)
     vertices, faces = surface.surface()
     assert (len(vertices), len(faces)) == (8, 12)
     assert volume(vertices, faces) == pytest.approx(1.0)
@@ -359,6 +361,7 @@ def pinocchio_extents(robot, name):
     return extents
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("name", "faces", "tolerance"), [("ur5", 15_000, 2e-3), ("talos", 30_000, 2e-2)])
 def test_meshes_of_real_robots_are_as_large_as_pinocchio_reads_them(name, faces, tolerance):
     robot = bc.load_robot(name)

@@ -66,6 +66,7 @@ def test_a_sound_run_is_ok_and_says_by_how_much_and_what_was_run(stopped):
     assert events.rows[0][-1] == "ended the run" and float(events.rows[0][2]) == pytest.approx(-2.0, abs=1e-6)
 
 
+@pytest.mark.tier2
 def test_energy_out_of_balance_is_no_ok_and_warned_of(tmp_path):
     coarse = simulated(tmp_path, ARM, solver="RK4", step=0.2)
     document = run_document(coarse)
@@ -81,6 +82,7 @@ def test_rows_that_are_no_numbers_are_no_ok_and_the_still_stands_before_them(sto
     assert document.still.time == stopped.time[19]
 
 
+@pytest.mark.tier2
 def test_a_constraint_reports_its_largest_force_which_is_the_multipliers(tmp_path):
     run = bc.simulate("four_bar", samples=101)
     document = run_document(run)
@@ -90,6 +92,7 @@ def test_a_constraint_reports_its_largest_force_which_is_the_multipliers(tmp_pat
     assert report(run, tmp_path / "page").stat().st_size < 0.7e6
 
 
+@pytest.mark.tier2
 def test_a_sizing_shows_the_moment_of_its_largest_power_in_the_film_of_all_motions(sizing):
     document = sizing_document(sizing, film_of(sizing))
     peak = sizing.supply_peak
@@ -97,6 +100,7 @@ def test_a_sizing_shows_the_moment_of_its_largest_power_in_the_film_of_all_motio
     assert document.status == "OK" and "All inside" in document.verdict[0]
 
 
+@pytest.mark.tier2
 def test_a_limit_that_is_exceeded_is_the_verdict_and_the_still(sizing):
     robot, motions, _ = sizing.inputs
     weak = {"elbow": bc.Actuator(ratio=1, rated_torque=0.1, peak_torque=0.2, rated_speed=50.0, max_speed=100.0)}
@@ -106,6 +110,7 @@ def test_a_limit_that_is_exceeded_is_the_verdict_and_the_still(sizing):
     assert "elbow exceeds its motor's" in document.still.caption
 
 
+@pytest.mark.tier2
 def test_a_page_and_a_report_count_all_that_is_exceeded(sizing):
     robot, motions, _ = sizing.inputs
     weak = {"elbow": bc.Actuator(ratio=1, rated_torque=0.1, peak_torque=0.2, rated_speed=50.0, max_speed=100.0)}
@@ -117,6 +122,7 @@ def test_a_page_and_a_report_count_all_that_is_exceeded(sizing):
     assert "EXCEEDED: 3 limits" in "".join(document_html(sizing_document(found, film)))
 
 
+@pytest.mark.tier2
 def test_a_report_of_a_sizing_holds_its_inputs_under_headings_of_words(tmp_path):
     config = (
         "name: Loaded\nurdf: geared_pendulum\ngravity: [0, -9.81, 0]\n"
@@ -164,6 +170,7 @@ def test_a_report_needs_a_result(sizing, tmp_path):
 # ---- pictures for paper
 
 
+@pytest.mark.tier2
 def test_the_pages_of_plots_hold_each_panel_once_and_are_the_same_each_time(stopped):
     titles = lambda pages: [axis.get_title(loc="left") for page in pages for axis in page.axes]  # noqa: E731
     (whole,), apart = run_pages(stopped, 100), run_pages(stopped, 2)
@@ -199,7 +206,7 @@ def written(stopped, tmp_path_factory):
     return report(stopped, tmp_path_factory.mktemp("report") / "stopped")
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_on_a_screen_the_verdict_comes_first_and_nothing_runs_but_the_page(written, open_page):
     page = open_page(written, size=(1280, 900))
     assert page.clean and page.do("window.hacked === undefined") and page.do("b.time") == 0.0
@@ -209,13 +216,13 @@ def test_on_a_screen_the_verdict_comes_first_and_nothing_runs_but_the_page(writt
     assert not page.tab.locator(".paper").first.is_visible()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_on_a_phone_nothing_is_wider_than_the_screen(written, open_page):
     page = open_page(written, size=(390, 844))
     assert page.do("document.documentElement.scrollWidth") <= 390 and page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_on_paper_the_moment_and_the_plots_stand_for_what_moves(written, stopped, open_page):
     page = open_page(written, size=(1280, 900))
     page.tab.wait_for_function("document.querySelector('#still img').complete")
@@ -231,7 +238,7 @@ def test_on_paper_the_moment_and_the_plots_stand_for_what_moves(written, stopped
     assert max(widths) <= 0 and len(page.tab.pdf(format="A4")) > 20_000
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_two_notebook_frames_on_one_page_draw_at_full_width_without_an_error(stopped, open_page, tmp_path):
     from bellcrank.replays.page.page import page_html
 
@@ -247,6 +254,7 @@ def test_two_notebook_frames_on_one_page_draw_at_full_width_without_an_error(sto
     assert not page.errors
 
 
+@pytest.mark.tier2
 def test_a_report_lists_forces_with_their_numbers_and_the_terminal_says_what_the_page_warns_of(
     tmp_path, monkeypatch, capsys
 ):

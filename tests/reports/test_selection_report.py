@@ -116,6 +116,7 @@ def test_the_loads_that_decide_every_straight_limit_are_kept(chosen):
                     assert of_all.max() - reach <= of_kept.max() <= of_all.max() * (1.0 + 1e-12)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("shape", ["ball", "disk", "needle", "box"])
 def test_corners_of_any_shape_of_load_enclose_all_of_it(shape):
     points = np.random.default_rng(5).normal(size=(3000, 3))
@@ -245,7 +246,7 @@ def header(page, name):
     return page.tab.locator(f".candidates thead button:text-is('{name}')")
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_page_opens_without_a_request_or_an_error_and_shows_the_chosen_pair(page):
     assert page.clean and page.tab.title() == "planar_2r"
     assert page.tab.locator(".verdict .word").inner_text() == "Passes what is known"
@@ -253,7 +254,7 @@ def test_the_page_opens_without_a_request_or_an_error_and_shows_the_chosen_pair(
     assert page.tab.locator("[role=tab]").all_inner_texts() == ["●\nshoulder", "●\nelbow"]
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_header_sorts_both_ways_with_unknown_values_last(page):
     before = column(page, "motor")
     header(page, "mass [kg]").click()
@@ -270,7 +271,7 @@ def test_a_header_sorts_both_ways_with_unknown_values_last(page):
     assert column(page, "largest")[-1] == "1420"
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_filters_by_text_tier_maker_and_by_what_is_shown(page):
     rows = page.tab.locator(".candidates tbody tr")
     text, tier, maker = (page.tab.get_by_label(name, exact=True) for name in ("Filter by text", "Tier", "Maker"))
@@ -292,7 +293,7 @@ def test_filters_by_text_tier_maker_and_by_what_is_shown(page):
     assert rows.count() == 6 and page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_hovering_shows_a_pair_until_the_pointer_leaves_and_a_press_keeps_it(page):
     name = page.tab.locator("#pair h3")
     rows = page.tab.locator(".candidates tbody tr")
@@ -314,7 +315,7 @@ def test_hovering_shows_a_pair_until_the_pointer_leaves_and_a_press_keeps_it(pag
     page.tab.locator("[role=tab]").first.click()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_plane_shows_the_load_at_the_shaft_as_python_computes_it(page, chosen):
     for number, axis in enumerate(chosen.axes):
         loads = reduce_loads(tuple(one.axis for one in chosen.axes), chosen.cycles)[number]
@@ -332,7 +333,7 @@ def test_the_plane_shows_the_load_at_the_shaft_as_python_computes_it(page, chose
                 assert seen["rmsTorque"] == (pytest.approx(cycle.rms_torque, rel=1e-4) if cycle.rms_torque else None)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_marks_of_the_plane_are_at_their_values(page):
     """The diamond of the RMS torque is where the ticks of the axes say."""
     seen = page.do(
@@ -351,7 +352,7 @@ def test_the_marks_of_the_plane_are_at_their_values(page):
     assert seen["y"] == pytest.approx(to(up, seen["cycle"]["rmsTorque"]), abs=0.5)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_sentence(page):
     page.tab.locator(".candidates tbody tr", has_text="direct drive").locator("td").nth(3).click()
     bars = page.tab.locator("#pair .uses li")
@@ -375,7 +376,7 @@ def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_sentence(
     assert "repeating-linear-gradient" in unknown
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_temperature_is_drawn_with_its_limit_or_said_to_be_unknown(page):
     temperature = page.tab.locator("#pair .temperature-part")
     page.tab.locator(".candidates tbody tr", has_text="P 1:50").locator("td").nth(3).click()
@@ -384,7 +385,7 @@ def test_the_temperature_is_drawn_with_its_limit_or_said_to_be_unknown(page):
     assert "not stated: resistance, torque constant, thermal resistance" in temperature.inner_text()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_two_marked_pairs_stand_side_by_side_and_a_third_replaces_the_first(page):
     sides = page.tab.locator("#comparison .sides h3")
     assert sides.all_inner_texts() == ["Bolt S 40, 320 V + Wave W-40-100", "Acme S 80, 320 V + Wave W-40-100"]
@@ -401,7 +402,7 @@ def test_two_marked_pairs_stand_side_by_side_and_a_third_replaces_the_first(page
     assert sides.count() == 2
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_tap_on_the_pareto_picture_tells_the_combination(written, open_page):
     page = open_page(written, size=(390, 844), has_touch=True)
     marks, told = page.tab.locator(".combination-mark"), page.tab.locator(".combination")
@@ -416,7 +417,7 @@ def test_a_tap_on_the_pareto_picture_tells_the_combination(written, open_page):
     assert "mass unknown" in told.inner_text() and page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 @pytest.mark.parametrize("size", [(390, 844), (1280, 800)])
 def test_nothing_is_wider_than_the_screen_or_cut_off(written, open_page, size):
     page = open_page(written, size=size)
@@ -437,13 +438,13 @@ def test_nothing_is_wider_than_the_screen_or_cut_off(written, open_page, size):
     assert beyond == []
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_every_axis_of_every_plot_has_a_unit(page):
     labels = page.tab.locator(".svg-plot .axis").evaluate_all("(all) => all.map((each) => each.textContent)")
     assert len(labels) >= 10 and all(re.search(r"\[.+\]$", label) for label in labels)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_on_paper_each_joint_has_its_plots_and_its_first_candidates(written, open_page):
     page = open_page(written, size=(1280, 900))
     pdf = page.tab.pdf(format="A4")
@@ -457,7 +458,7 @@ def test_on_paper_each_joint_has_its_plots_and_its_first_candidates(written, ope
     assert sections.first.locator(".sentence").first.is_visible() and page.tab.locator("#still img").is_visible()
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_hostile_names_are_shown_and_do_nothing(chosen, open_page, tmp_path):
     motor = dataclasses.replace(FULL, id=HOSTILE, model=HOSTILE, maker="__proto__", currency=HOSTILE)
     gear = dataclasses.replace(PLANET, id="constructor", model=HOSTILE, maker=HOSTILE)
@@ -491,7 +492,7 @@ def test_hostile_names_are_shown_and_do_nothing(chosen, open_page, tmp_path):
     assert page.do("window.hacked === undefined && document.querySelectorAll('img[src=x]').length === 0")
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_joint_without_candidates_and_an_empty_pareto_front_are_said(chosen, open_page, tmp_path):
     nothing = dataclasses.replace(
         with_first(chosen, chosen=None, candidates=(), counts=(("fails", 0),), advice="Add larger motors."), pareto=()
@@ -505,7 +506,7 @@ def test_a_joint_without_candidates_and_an_empty_pareto_front_are_said(chosen, o
     assert page.tab.locator(".candidates tbody tr").count() == 6 and page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_links_and_motors_can_be_hidden_in_the_view(page):
     layers = page.do("b.layers()")
     assert [layer["name"] for layer in layers if layer["group"] == "Motors and gears"] == [
@@ -519,6 +520,7 @@ def test_links_and_motors_can_be_hidden_in_the_view(page):
     assert page.do("b.capture()") == before
 
 
+@pytest.mark.tier2
 def test_the_data_of_two_thousand_pairs_stays_small(chosen):
     motors = [
         dataclasses.replace(FULL, id=f"m{k}", model=f"M {k}", rotor_inertia=1e-4 * (1 + k / 50)) for k in range(100)
@@ -537,6 +539,7 @@ def test_the_data_of_two_thousand_pairs_stays_small(chosen):
     assert len(json.loads(zlib.decompress(base64.b64decode(text)))["axes"][0]["candidates"]) == 1000
 
 
+@pytest.mark.tier2
 def test_sample_has_a_pair_of_every_kind():
     assert {one.tier for one in candidates()} == {"all criteria shown", "passes what is known", "fails"}
     assert BARE.resistance is None and SILENT.efficiency is None and PLANET.efficiency_curve is not None

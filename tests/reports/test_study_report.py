@@ -73,6 +73,7 @@ def test_every_design_of_a_film_closes_its_loop_and_has_its_own_link_lengths():
         film_of_designs([], title="Nothing")
 
 
+@pytest.mark.tier2
 def test_sized_designs_are_shown_along_their_first_motion():
     sizings = [bc.size("geared_pendulum", overrides={"gravity": [0, 0, g]}) for g in (-9.81, -3.7)]
     film = film_of_designs([sizing.inputs for sizing in sizings], title="Pendulum")
@@ -121,6 +122,7 @@ def document_of(sweep, limits=()):
     )
 
 
+@pytest.mark.tier2
 def test_a_grid_tells_ranges_and_what_failed(grid):
     document = document_of(grid)
     assert document.status == "8 failed" and document.partial
@@ -132,6 +134,7 @@ def test_a_grid_tells_ranges_and_what_failed(grid):
     assert statuses[1][2] == "it did not lock" and statuses[2][2]
 
 
+@pytest.mark.tier2
 def test_a_sample_tells_probabilities_with_their_intervals(drawn):
     document = document_of(drawn, ["lock.time > 13 s", "lock.time < 12 s"])
     count, other = (
@@ -145,11 +148,13 @@ def test_a_sample_tells_probabilities_with_their_intervals(drawn):
     assert any("median" in line and "lock.crank" in line for line in document.verdict)
 
 
+@pytest.mark.tier2
 def test_a_sample_within_its_limits_is_in_order(drawn):
     document = document_of(drawn, ["lock.time > 100 s"])
     assert document.status == "OK" and not document.partial
 
 
+@pytest.mark.tier2
 def test_sobol_indices_are_told_in_words_and_numbers():
     vary = {"crank_length": "normal(1.235 m, 2 mm)", "coupler_length": "normal(1.2 m, 0.1 mm)"}
     sweep = linkage_sweep(vary, SensitivitySample(2, 4, 16, 1), QUICK)
@@ -169,7 +174,7 @@ def test_limits_of_a_grid_are_refused(grid, tmp_path):
 # ---- the page in a browser
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_click_on_the_map_shows_that_design(page, grid):
     assert page.clean and page.do("b.study.shown.length") == 8
     for k in (2, 5, 7):
@@ -192,7 +197,7 @@ def test_a_click_on_the_map_shows_that_design(page, grid):
     assert page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_the_crank_is_drawn_with_the_length_of_the_design(page, grid):
     """The pixels of the crank alone end at its design's length."""
     page.do("b.layers().forEach((layer, k) => b.showLayer(k, false))")
@@ -219,7 +224,7 @@ def test_the_crank_is_drawn_with_the_length_of_the_design(page, grid):
         page.do("b.showBody(x, true)", body)
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_design_that_failed_tells_its_reason(page, grid):
     row = next(row for row, status in enumerate(grid.status) if status == "infeasible")
     columns = page.tab.locator(".map-choices select")
@@ -238,7 +243,7 @@ def test_a_design_that_failed_tells_its_reason(page, grid):
     assert page.clean
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_names_and_reasons_do_nothing_in_the_page(open_page, grid, tmp_path):
     rename = {"lock.time": HOSTILE, "lock.crank": "lock.crank"}
     columns = Columns(
@@ -258,7 +263,7 @@ def test_names_and_reasons_do_nothing_in_the_page(open_page, grid, tmp_path):
     assert "window.hacked = 1" in page.tab.inner_text(".design-facts")
 
 
-@pytest.mark.browser
+@pytest.mark.tier2
 def test_a_large_sample_fits_a_page(open_page, drawn, tmp_path):
     path = write_study(drawn, tmp_path / "study.html", limits=["lock.time > 13 s"])
     assert path.stat().st_size < 5_000_000

@@ -35,6 +35,7 @@ def compiled(robot, name, q, v, third):
     return found if isinstance(found, tuple) else (found,)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", SIGNATURES)
 def test_values_are_those_of_the_compiled_code(robot, state, name):
     function = robot.casadi(name, frame=robot.frame_names[-1] if name == "frame" else None)
@@ -75,6 +76,7 @@ def test_wrong_names_are_told():
             robot.casadi(**arguments)
 
 
+@pytest.mark.tier2
 def test_ipopt_swings_the_arm_up_in_the_example(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(Path(__file__).parents[2] / "examples" / "planar_2r_swing_up.py"), run_name="__main__")

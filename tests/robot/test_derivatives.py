@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.robot.derivative_equations import DerivativeEquations
-from bellcrank.robot.joints import unit_vectors
 from tests.support.complex_step import directional_derivatives
-from tests.support.example_robots import SOUND
+from tests.support.complex_step import dynamics_derivatives as expected
+from tests.support.complex_step import random_state as state
 from tests.support.extended_robots import MIXED, joint, link
+
+pytestmark = pytest.mark.tier2
 
 FRICTION_2R = {"shoulder": (0.7, 0.3), "elbow": (0.2, 0.0)}
 ROBOTS = {
@@ -30,27 +31,6 @@ ROBOTS = {
 def loaded(name):
     path, options = ROBOTS[name]
     return bc.load_robot(path, **options)
-
-
-def state(robot, seed=1):
-    """A random state with unit quaternions and headings."""
-    random = np.random.default_rng(seed)
-    q = random.uniform(-1.5, 1.5, robot.nq)
-    for part in unit_vectors(robot.joints):
-        q[part] /= np.linalg.norm(q[part])
-    return q, random.normal(size=robot.nv), random.normal(size=robot.nv)
-
-
-def expected(robot, algorithm, q, v, third):
-    """The derivatives by the complex step of the traced algorithm with friction, along E(q) δ for positions."""
-    nv = robot.nv
-    rates = robot.configuration_rate(np.tile(q, (nv, 1)), np.eye(nv)).T
-    none, every = np.zeros((nv, nv)), np.eye(nv)
-    along = [
-        np.hstack([rates, np.zeros((robot.nq, 2 * nv))]), np.hstack([none, every, none]), np.hstack([none, none, every])
-    ]  # fmt: skip
-    found = directional_derivatives(robot.equations.dynamics(algorithm), (q, v, third), along)
-    return np.hsplit(found, 3)
 
 
 def assert_close(found, expected, tolerance=1e-10):
@@ -86,24 +66,6 @@ def test_derivatives_of_a_ball_a_universal_joint_and_a_screw(mixed):
     assert_close(mixed.inverse_dynamics_derivatives(q, v, a), expected(mixed, "inverse_dynamics", q, v, a))
     tau = mixed.inverse_dynamics(q, v, a)
     assert_close(mixed.forward_dynamics_derivatives(q, v, tau), expected(mixed, "forward_dynamics", q, v, tau))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("floating_base", [False, True])
-@pytest.mark.parametrize("name", SOUND)
-def test_every_example_robot(name, floating_base):
-    """The expressions themselves, which are compiled as they are: to 1e-10 of the largest entry of each matrix."""
-    robot = bc.load_robot(name, floating_base=floating_base)
-    if not robot.nv:
-        return
-    equations = DerivativeEquations(robot.equations)
-    q, v, a = state(robot)
-    singular = np.linalg.cond(robot.mass_matrix(q)) > 1e15  # massless grippers, or a massless link as free base
-    for algorithm in ("inverse_dynamics", *("forward_dynamics",) * (not singular)):
-        third = robot.inverse_dynamics(q, v, a) if algorithm == "forward_dynamics" else a
-        found = getattr(equations, algorithm)()(q, v, third)
-        matrices = [np.array(x).reshape(robot.nv, robot.nv) for x in found]
-        assert_close(matrices, expected(robot, algorithm, q, v, third))
 
 
 @pytest.mark.parametrize("kind", ["planar", "prismatic", "continuous", "screw"])

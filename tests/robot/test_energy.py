@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from example_robots import SOUND, gathered
+from kinetic_energy import half_v_m_v, rotors, traced_energy
 
 import bellcrank as bc
 from bellcrank.robot.articulated_inertia import mass_matrix
@@ -14,44 +14,6 @@ from bellcrank_bench.problems.urdf_texts import joint, link, robot
 
 SKEW = (0.6, 0.0, 0.8)
 KINDS = {"revolute": "continuous", "prismatic": "prismatic"}
-
-
-def rotors(of, random):
-    return {j.name: float(random.uniform(0.05, 2.0)) for j in of.joints if j.nv == 1}
-
-
-def half_v_m_v(of, q, v):
-    """By Pinocchio's recursive Newton-Euler in doubles: M v is what the torque becomes more with an acceleration v."""
-    model, data, rest = of.model, of.model.createData(), np.zeros_like(v)
-    if model.nv == of.nv:
-        momenta = [
-            pin.rnea(model, data, *s) - pin.rnea(model, data, s[0], s[1], s[1]) for s in zip(q, rest, v, strict=True)
-        ]
-    else:
-        momenta = gathered(of, model, data, q, rest, v) - gathered(of, model, data, q, rest, rest)
-    return 0.5 * np.einsum("ni,ni->n", v, np.array(momenta))
-
-
-def traced_energy(of, q, v):
-    """The traced expression, not compiled: kinetic energy (n,)."""
-    return np.array(of.equations.algorithm("energy")(q.T, v.T, []))[0]
-
-
-@pytest.mark.parametrize("name", SOUND)
-def test_kinetic_energy_is_half_v_m_v_with_a_rotor_on_every_joint(name):
-    random = np.random.default_rng(len(name))
-    plain = bc.load_robot(name, friction="none")
-    floating = bool(random.integers(2)) and not plain.mimics()  # `gathered` takes no quaternion
-    if floating:
-        plain = bc.load_robot(name, friction="none", floating_base=True)
-    if not plain.nv:
-        assert not plain.joints
-        return
-    geared = bc.load_robot(name, friction="none", floating_base=floating, rotor_inertia=rotors(plain, random))
-    q, v, _ = random_states(geared, 4)
-    np.testing.assert_allclose(traced_energy(geared, q, v), half_v_m_v(geared, q, v), rtol=1e-10)
-    without = traced_energy(plain, q, v) + 0.5 * v**2 @ geared.rotor_inertia
-    np.testing.assert_allclose(traced_energy(geared, q, v), without, rtol=1e-12)
 
 
 def random_tree(random):

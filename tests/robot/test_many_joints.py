@@ -14,6 +14,8 @@ from bellcrank.sizing import holding_gravity, motion_grid
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank_bench.problems.urdf_texts import chain
 
+pytestmark = pytest.mark.tier2
+
 G = 9.81
 LINK, MASS = 0.1, 0.2  # m, kg
 

@@ -154,6 +154,7 @@ def test_angles_of_urdf_are_exact_at_a_pitch_of_90_degrees():
             assert np.abs(turn(2, z) @ turn(1, y) @ turn(0, x) - rotation).max() < 1e-15
 
 
+@pytest.mark.tier2
 def test_a_biped_of_mjcf_starts_closed_near_its_keyframe_and_keeps_its_energy():
     path = FILES / "biped.xml"
     run, robot = bc.simulate(path, duration=0.02, samples=5), bc.load_robot(path)

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from example_robots import SOUND, gathered
+from example_robots import SOUND
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,57 +17,7 @@ def test_at_least_thirty_example_robots_are_compared():
     assert len(SOUND) >= 50
 
 
-@pytest.mark.parametrize("name", SOUND)
-def test_rnea_and_aba_agree_with_pinocchio_at_1000_random_states(name):
-    robot = bc.load_robot(name, friction="none")
-    q, v, a = random_states(robot, 1000)
-    if robot.nv == 0:
-        assert robot.inverse_dynamics(q, v, a).shape == (1000, 0)
-        return
-    model = robot.model
-    data = model.createData()
-    tau = robot.inverse_dynamics(q, v, a)
-    if model.nv == robot.nv:
-        reference = np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-    else:  # a leader after its follower, which Pinocchio's mimic joints do not take: gather by hand
-        reference = gathered(robot, model, data, q, v, a)
-    scale = np.abs(reference).max()
-    assert np.abs(tau - reference).max() <= 1e-12 * scale
-    if robot.nv <= 8:  # the scalar code too
-        assert np.abs(robot.inverse_dynamics(q[0], v[0], a[0]) - reference[0]).max() <= 1e-12 * scale
-    states = (q, v, a)
-    if not robot.mimics():
-        expected = np.array([pin.aba(model, data, *state) for state in zip(*states, strict=True)])
-    else:  # Pinocchio's ABA does not take mimic joints: the mass matrix and the bias stand in
-        mass = robot.mass_matrix(q)
-        bias = reference - np.einsum("nij,nj->ni", mass, a)
-        try:
-            expected = np.linalg.solve(mass, (a - bias)[..., None])[..., 0]
-        except np.linalg.LinAlgError:
-            expected = np.full_like(bias, np.nan)
-    if not np.isfinite(expected).all():  # massless branches: Pinocchio answers NaN, bellcrank a sentence
-        with pytest.raises(InputError, match=r"no finite answer at joint '.+'.*bellcrank check"):
-            robot.forward_dynamics(*states)
-        return
-    error = np.abs(robot.forward_dynamics(*states) - expected).max(axis=1) / np.abs(expected).max(axis=1)
-    if error.max() > 1e-12:
-        # near-singular mass matrices (icub's hands, mimic grippers): no algorithm in doubles can do better than
-        # rounding times the condition number, and Pinocchio's own answer is no closer to the exact one
-        bound = np.finfo(float).eps * np.linalg.cond(robot.mass_matrix(q)) * (20.0 if robot.mimics() else 1.0)
-        assert np.all(error <= np.maximum(bound, 1e-12))
-
-
-@pytest.mark.parametrize("name", ["ur5", "talos", "solo12", "anymal"])
-def test_free_base_dynamics_agree_with_pinocchio(name):
-    robot = bc.load_robot(name, friction="none", floating_base=True)
-    q, v, a = random_states(robot, 200)
-    model, data = robot.model, robot.model.createData()
-    tau = np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-    acceleration = np.array([pin.aba(model, data, *state) for state in zip(q, v, a, strict=True)])
-    assert np.abs(robot.inverse_dynamics(q, v, a) - tau).max() <= 1e-12 * np.abs(tau).max()
-    assert np.abs(robot.forward_dynamics(q, v, a) - acceleration).max() <= 1e-12 * np.abs(acceleration).max()
-
-
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "panda", "z1"])
 def test_forward_dynamics_undoes_inverse_dynamics_with_friction_and_rotor_inertia(name):
     plain = bc.load_robot(name)
@@ -91,6 +41,7 @@ def test_friction_and_rotor_inertia_add_their_own_terms():
     np.testing.assert_allclose(robot.friction_torque(v) + 0.7 * a * (np.arange(6) == k), expected, atol=1e-12)
 
 
+@pytest.mark.tier2
 def test_mass_matrix_is_the_derivative_of_torque_by_acceleration():
     robot = bc.load_robot("panda", rotor_inertia={"panda_joint2": 0.3})
     q, v, a = random_states(robot, 20)
@@ -102,6 +53,7 @@ def test_mass_matrix_is_the_derivative_of_torque_by_acceleration():
     assert np.linalg.eigvalsh(mass).min() > 0
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["panda", "tiago"])
 def test_power_of_gravity_torques_is_the_rate_of_potential_energy(name):
     robot = bc.load_robot(name, friction="none")
@@ -112,6 +64,7 @@ def test_power_of_gravity_torques_is_the_rate_of_potential_energy(name):
     np.testing.assert_allclose(np.einsum("ni,ni->n", robot.gravity_torque(q), v), rate, rtol=1e-7, atol=1e-6)
 
 
+@pytest.mark.tier2
 def test_kinetic_energy_is_half_v_m_v():
     robot = bc.load_robot("talos", friction="none", floating_base=True)
     q, v, _ = random_states(robot, 20)
@@ -151,6 +104,7 @@ def test_reaction_about_the_axis_is_the_joint_torque():
         np.testing.assert_allclose(wrench[:, k, 3:] @ robot.joint_axis(name), tau[:, k], atol=1e-11)
 
 
+@pytest.mark.tier2
 def test_a_ceiling_mounted_arm_feels_gravity_upside_down():
     floor = bc.load_robot("ur5", friction="none")
     ceiling = bc.load_robot("ur5", friction="none", gravity=(0, 0, 9.81))
@@ -198,48 +152,6 @@ def test_continuous_joints_have_one_number_and_no_limits():
     np.testing.assert_allclose(robot.gravity_torque(turned), robot.gravity_torque(q), atol=1e-13)
 
 
-def test_planar_joint_dynamics_agree_with_pinocchio(tmp_path):
-    path = tmp_path / "sledge.urdf"
-    path.write_text(
-        '<robot name="sledge"><link name="floor"/><link name="sledge"><inertial><origin xyz="0.1 0.2 0"/>'
-        '<mass value="3"/><inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<link name="arm"><inertial><origin xyz="0 0 0.3"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" '
-        'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="glide" type="planar"><parent link="floor"/>'
-        '<child link="sledge"/><axis xyz="0 0 1"/></joint><joint name="swing" type="continuous"><parent link="sledge"/>'
-        '<child link="arm"/><axis xyz="0 0.6 0.8"/></joint></robot>'
-    )
-    robot = bc.load_robot(path)
-    assert (robot.nq, robot.nv) == (5, 4)
-    q, v, a = random_states(robot, 100)
-    data = robot.model.createData()
-    tau = np.array([pin.rnea(robot.model, data, *state) for state in zip(q, v, a, strict=True)])
-    back = np.array([pin.aba(robot.model, data, *state) for state in zip(q, v, a, strict=True)])
-    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), tau, atol=1e-12)
-    np.testing.assert_allclose(robot.forward_dynamics(q, v, a), back, rtol=1e-11, atol=1e-11)
-    h = 1e-7
-    moved = pin.integrate(robot.model, q[0], h * v[0])
-    np.testing.assert_allclose(robot.configuration_rate(q[0], v[0]), (moved - q[0]) / h, atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["ur5", "panda", "talos", "tiago_dual", "icub", "baxter"])
-def test_uncleaned_dynamics_agree_with_pinocchio_reading_the_file_itself(name):
-    robot = bc.load_robot(name, friction="none", clean=False)
-    model = pin.buildModelFromUrdf(str(robot.source), bool(robot.mimics()))
-    q, v, a = random_states(robot, 30)
-    q_file = q if model.nq == robot.nq else None
-    if q_file is None:  # continuous joints are (cos, sin) there
-        q_file = np.zeros((30, model.nq))
-        for j in robot.joints:
-            k = model.getJointId(j.name)
-            at, wide = model.idx_qs[k], model.nqs[k] == 2
-            q_file[:, at] = np.cos(q[:, j.q]) if wide else q[:, j.q]
-            if wide:
-                q_file[:, at + 1] = np.sin(q[:, j.q])
-    data = model.createData()
-    expected = np.array([pin.rnea(model, data, *state) for state in zip(q_file, v, a, strict=True)])
-    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), expected, atol=1e-12 * np.abs(expected).max())
-
-
 def test_cleaning_makes_quarter_turns_exact_and_changes_nothing_else():
     cleaned, raw = bc.load_robot("ur5"), bc.load_robot("ur5", clean=False)
     entries, largest = cleaned.cleaning
@@ -253,6 +165,7 @@ def test_cleaning_makes_quarter_turns_exact_and_changes_nothing_else():
     assert fewer < raw.dynamics("inverse_dynamics").graph.operations
 
 
+@pytest.mark.tier2
 @settings(max_examples=200)
 @given(st.floats(-7, 7), st.floats(-7, 7), st.floats(-7, 7), st.floats(-3e-11, 3e-11))
 def test_cleaning_keeps_every_rotation_a_rotation(roll, pitch, yaw, residue):

@@ -280,6 +280,7 @@ BAD_EXAMPLES = {
 }
 
 
+@pytest.mark.tier2
 def test_two_readers_agree_on_every_example_robot() -> None:
     read = 0
     for path in example_files():
@@ -292,6 +293,7 @@ def test_two_readers_agree_on_every_example_robot() -> None:
     assert read >= 50
 
 
+@pytest.mark.tier2
 def test_pinocchio_gets_the_same_dynamics_as_from_the_file_itself() -> None:
     random = np.random.default_rng(7)
     compared = 0

@@ -11,13 +11,13 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.commands.size import chosen
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import decimal_number, split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
 from bellcrank.scene.robot_config import load_robot_config
+from bellcrank.sizing.subject import mechanism_and_motions
 from bellcrank.studies.axes import parse_axis
 from bellcrank.studies.sweep import sweep
 from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
@@ -184,6 +184,7 @@ def test_one_value_of_a_parameter_is_enough_to_check_it_and_the_values_of_other_
         sweep(scene, {"gravity": [[0, 0, 0], [0, 0, -9.81]]})
 
 
+@pytest.mark.tier2
 def test_where_the_system_starts_few_threads_these_run_all_designs():
     """A thread takes 8 MB of addresses for its stack, and std::thread throws where there is no room for them."""
     script = (
@@ -208,16 +209,18 @@ def test_values_of_a_grid_are_all_combinations_the_last_axis_fastest():
     np.testing.assert_array_equal(result.values, expected)
 
 
+@pytest.mark.tier2
 def test_what_is_chosen_of_a_configuration_sizes_as_the_configuration():
     config = load_robot_config("planar_2r")
-    mechanism, motions = chosen(config, config.robot(), [])
+    mechanism, motions = mechanism_and_motions(config, config.robot())
     assert [motion.name for motion in motions] == list(config.motions)
     assert bc.size(mechanism, motions, config.actuators).joints == bc.size("planar_2r").joints
     first = next(iter(config.motions))
-    assert [motion.name for motion in chosen(config, config.robot(), [first])[1]] == [first]
+    assert [motion.name for motion in mechanism_and_motions(config, config.robot(), [first])[1]] == [first]
     with pytest.raises(InputError, match="nowhere"):
-        chosen(config, config.robot(), ["nowhere"])
-    linkage, (turn, *_) = chosen(load_robot_config("five_bar"), load_robot_config("five_bar").robot(), [])
+        mechanism_and_motions(config, config.robot(), ["nowhere"])
+    five_bar = load_robot_config("five_bar")
+    linkage, (turn, *_) = mechanism_and_motions(five_bar, five_bar.robot())
     assert linkage.closed and turn.position.shape[1] == linkage.robot.nq
 
 

@@ -49,6 +49,7 @@ def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int
     np.testing.assert_allclose(found, CONTINUOUS[branch], rtol=1e-8)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["planar_2r", "geared_pendulum", "ur5", "panda", "xarm7"])
 def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None:
     config = load_robot_config(name)
@@ -256,6 +257,7 @@ trees = st.recursive(
 )
 
 
+@pytest.mark.tier2
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.dictionaries(

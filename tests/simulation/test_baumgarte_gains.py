@@ -85,6 +85,7 @@ def test_constraints_keep_order_four_of_RK4_with_automatic_gains_and_fall_to_two
     assert orders(lambda h: Stabilisation("baumgarte", 1.0 / h, 1.0 / h)) == pytest.approx([2.0, 2.0], abs=0.25)
 
 
+@pytest.mark.tier2
 def test_the_gains_at_which_work_doubles_are_those_of_the_motion_for_every_tolerance(scene):
     gains = automatic_gains(scene).alpha
     places = np.geomspace(gains, 200.0 * gains, 16)
@@ -167,6 +168,7 @@ def test_a_tree_has_no_gains_to_choose():
         automatic_gains(load_scene("planar_2r_swing"))
 
 
+@pytest.mark.tier2
 def test_the_maps_are_printed_and_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(gain_map, "CASES", gain_map.CASES[:1])
     monkeypatch.setattr(gain_map, "FACTORS", (0.1, 1.0, 1000.0))

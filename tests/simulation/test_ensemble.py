@@ -55,6 +55,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("case", CASES)
 def test_every_run_is_its_lone_run(case):
     name, ranges, settings, tolerance = CASES[case]
@@ -111,6 +112,7 @@ def test_too_wide_lanes_are_not_claimed():
     assert _step.has_lanes(machine.target().lanes)
 
 
+@pytest.mark.tier2
 def test_ctrl_c_keeps_the_runs_that_are_done():
     code = """
         import os, signal, threading

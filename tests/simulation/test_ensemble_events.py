@@ -102,6 +102,7 @@ def test_steps_in_which_a_function_is_undefined_are_counted():
     assert_same_events(found, arms, time=1e-8, state=1e-7)
 
 
+@pytest.mark.tier2
 def test_crossings_that_may_be_missed_are_counted_as_in_lone_runs():
     arms = swing({"fast": ("sin(90000*shoulder.position+200000*t)", False)}, 2, duration=0.2)
     found = arms.run()

@@ -189,6 +189,7 @@ def test_radau_and_systems_without_lanes_are_lone_runs_to_the_bit(oscillator):
             assert (found.accepted[row], found.evaluations[row]) == (run.accepted, run.evaluations)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("lanes", [True, False])
 def test_an_interrupted_ensemble_says_what_is_done(oscillator, lanes):
     x0, p, _ = random_designs(20000)

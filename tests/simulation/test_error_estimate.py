@@ -49,6 +49,7 @@ def parallel() -> Any:
     return {n: (n_four_bar(n), times, angles[:, k]) for k, n in enumerate(loops)}
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("loops", [2, 5])
 @pytest.mark.parametrize("tolerance", [1e-8, 1e-10, 1e-11, 1e-12, 1e-13])
 def test_the_error_estimate_knows_the_floor_that_singular_positions_leave(parallel, loops, tolerance):
@@ -59,6 +60,7 @@ def test_the_error_estimate_knows_the_floor_that_singular_positions_leave(parall
     assert LEAST * true < run.error_estimate() < LUCKY * true
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["bricard", "four_bar", "rolling_disk", "planar_2r_swing", "spring_pendulum"])
 def test_the_error_estimate_is_near_the_true_error_of_textbook_scenes(name):
     chosen = benchmark(name)
@@ -82,6 +84,7 @@ def test_an_estimate_where_the_largest_step_binds_is_not_zero(tmp_path):
     assert 1e-13 < LEAST * true < run.error_estimate() < MOST * true
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("stabilisation", ["none", {"kind": "baumgarte", "gains": "auto"}])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
 def test_a_run_that_leaves_the_branch_of_its_linkage_says_so(parallel, stabilisation, tolerance):
@@ -96,6 +99,7 @@ def test_a_run_that_leaves_the_branch_of_its_linkage_says_so(parallel, stabilisa
     assert run.error_estimate() > 1.0
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     "stabilisation", ["none", {"kind": "baumgarte", "gains": "auto"}, {"kind": "baumgarte", "alpha": 20, "beta": 20}]
 )
@@ -122,6 +126,7 @@ def test_the_command_line_and_the_file_of_a_run_tell_the_error_estimate(tmp_path
     assert f"about {told:.1e} (rad or m) in positions" in loaded.summary()
 
 
+@pytest.mark.tier2
 def test_an_estimate_that_is_not_computed_says_why(parallel):
     scene, times, _ = parallel[2]
     run = bc.simulate(scene, times=times)

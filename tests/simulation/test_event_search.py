@@ -53,6 +53,7 @@ def test_every_crossing_of_a_function_that_oscillates_within_a_step_is_found(whe
     assert run.warnings == ()
 
 
+@pytest.mark.tier2
 def test_every_crossing_is_found_whatever_the_frequency_and_phase(wheel):
     random = np.random.default_rng(7)
     for frequency in np.exp(random.uniform(np.log(3.0), np.log(900.0), 60)).tolist():
@@ -109,6 +110,7 @@ def test_crossings_at_the_ends_of_fixed_steps_count_once(wheel):
     np.testing.assert_allclose(times(run), np.arange(1, 100) * step, rtol=0, atol=1e-12)
 
 
+@pytest.mark.tier2
 def test_crossings_that_may_have_been_missed_are_told_with_event_steps_time_and_remedy(wheel, tmp_path):
     run = watched(wheel, "sin(50000*spin.position)", duration=4.0)
     assert 0 < len(run.events) < len(zeros(50000, 4.0))

@@ -34,6 +34,7 @@ def tight(solver="DOP853"):
 START = {"ball": {"rpy": ["60 deg", 0, 0], "angular_velocity": [0.4, 0.3, 7.0], "expressed_in": "parent"}}
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("solver", ["DOP853", "RK45", "Radau"])
 def test_a_top_follows_eulers_equations(scene, solver):
     """d′ = ω × d, H′ = d × (m g l) with H = A ω + (C − A)(ω·d) d: a top in world axes, without a quaternion."""
@@ -75,6 +76,7 @@ def test_steady_precession_of_a_top(scene):
         assert np.abs(azimuth - azimuth[0] - rate * run.time).max() <= 1e-7
 
 
+@pytest.mark.tier2
 def test_a_ball_moves_as_three_revolute_joints_do(scene):
     """MIXED with its ball replaced by revolute joints about x, y and z, with massless links between them."""
     outputs = {"tip": {"frame": "nut", "what": "position"}}
@@ -169,6 +171,7 @@ def test_a_spring_of_a_ball_is_that_of_mujoco(scene, seed):
     assert run.outputs["torque"][0] == pytest.approx(MUJOCO_BALL_SPRING[seed], rel=1e-12, abs=1e-14)
 
 
+@pytest.mark.tier2
 def test_a_rod_with_a_ball_at_each_end_keeps_its_length(scene):
     """A ball at one end and a point at the other: as far apart as a distance constraint holds the same two points."""
     crank = [

@@ -103,6 +103,7 @@ def in_own_lengths(robot, rows, s):
     return rows / np.where(far, s, 1.0)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_mechanism_moves_alike_from_micrometres_to_kilometres(kind, tmp_path):
     def run_of(s):
@@ -126,6 +127,7 @@ def test_a_mechanism_moves_alike_from_micrometres_to_kilometres(kind, tmp_path):
         assert lost == pytest.approx(drift, rel=1e-3, abs=1e-13)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("s", [1e-6, 3e-4, 1e3])
 def test_a_rod_of_any_length_is_as_long_as_it_says(s, tmp_path):
     """By the positions of its ends from Pinocchio, in an adaptive run from guesses that are rounded or far off."""
@@ -144,6 +146,7 @@ def test_a_rod_of_any_length_is_as_long_as_it_says(s, tmp_path):
     assert 0.005 < gap / s < 0.01  # about a hundredth of the rod's length, whatever that is
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("s", [1e-6, 1e-3])
 def test_inverse_dynamics_of_a_small_slider_crank_are_those_of_a_large_one(s, tmp_path):
     def torques(size):

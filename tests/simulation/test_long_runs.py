@@ -90,10 +90,12 @@ def test_rows_of_a_run_are_a_run_with_their_own_quantities():
     assert np.array_equal(run.part(slice(5, 9)).torque, run.torque[5:9])  # and after
 
 
+@pytest.mark.tier2
 def test_writing_a_csv_needs_no_more_memory_for_more_rows():
     assert peak_above_the_run("run.to_csv(path)", 120_000) < 60.0  # 30 MB of text alone, and 140 MB made of it at once
 
 
+@pytest.mark.tier2
 def test_the_summary_and_the_picture_of_a_long_run_need_little_memory():
     assert peak_above_the_run("run.summary(), run.plot()", 300_000) < 90.0  # of all rows at once 190 MB
 
@@ -113,6 +115,7 @@ def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
         assert values.min() == table[name].min() and values.max() == table[name].max()
 
 
+@pytest.mark.tier2
 def test_of_many_steps_some_are_kept_the_longest_is_known_and_the_result_says_so(tmp_path):
     few = bc.simulate("planar_2r_swing", solver="RK4", step=1e-3, duration=77.7777)
     assert len(few.steps) == few.statistics.steps + 1 == 77_779 and "are kept" not in few.summary()
@@ -129,6 +132,7 @@ def test_of_many_steps_some_are_kept_the_longest_is_known_and_the_result_says_so
     assert np.array_equal(again.steps, run.steps) and again.statistics == run.statistics
 
 
+@pytest.mark.tier2
 def test_of_many_events_the_first_and_last_of_each_are_kept_and_all_are_counted(tmp_path):
     path = tmp_path / "counted.yaml"
     path.write_text(COUNTED.format(duration=60, late=55.00025))

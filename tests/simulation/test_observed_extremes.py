@@ -51,6 +51,7 @@ def extremes(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values.min(axis=0), values.max(axis=0)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("lanes", [True, False])
 @pytest.mark.parametrize("name", SCENES)
 def test_extremes_of_outputs_are_those_of_100001_samples_within_the_tolerance(name, lanes, monkeypatch):

@@ -25,6 +25,7 @@ def cases():
             raise AssertionError(f"{scene} has no {name}")
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("scene", "name", "low", "high"), cases())
 def test_a_prepared_call_gives_the_bits_of_simulate(scene, name, low, high):
     settings = {"duration": 1.0, "rtol": 1e-7, "atol": 1e-7, "samples": 21}

@@ -167,6 +167,7 @@ def evaluated(graph, inputs):
     return output
 
 
+@pytest.mark.tier2
 def test_a_latch():
     events = [{"name": "lock", "when": {"aligned": {"joint_a": "coupler", "joint_b": "rocker"}}, "latch": True}]
     scene = bc.load_scene("four_bar").with_overrides({"events": events})

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
-from scipy.integrate import cumulative_simpson, simpson, solve_ivp
+from scipy.integrate import cumulative_simpson, simpson
 from scipy.special import ellipk
 
 from bellcrank.dynamics.consistent_start import consistent_start
@@ -125,20 +125,6 @@ def test_coulomb_friction_stops_a_block_where_its_kinetic_energy_is_spent():
 
 
 # ---- an independent route
-
-
-def test_ur5_moves_as_scipy_and_pinocchios_articulated_body_algorithm_have_it():
-    run = simulate("ur5_falling", duration=2, samples=101, **FINE)
-    model = run.robot.model
-    data = model.createData()
-
-    def rate(t, x):
-        return np.hstack([x[6:], pin.aba(model, data, x[:6], x[6:], np.zeros(6))])
-
-    start = np.hstack([run.position[0], run.velocity[0]])
-    other = solve_ivp(rate, (0, 2), start, "DOP853", run.time, rtol=1e-11, atol=1e-12).y.T
-    assert_allclose(run.position, other[:, :6], rtol=0, atol=1e-8)
-    assert_allclose(run.velocity, other[:, 6:], rtol=0, atol=1e-6)
 
 
 def test_a_flying_humanoid_moves_as_scipy_and_pinocchio_have_it_on_the_manifold():

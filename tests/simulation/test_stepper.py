@@ -186,6 +186,7 @@ def test_dop853_spends_three_evaluations_in_steps_with_outputs_only(arm):
 # -- step sizes
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-9])
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau"])
 def test_adaptive_steps_are_those_of_scipy(arm, kepler, method, tolerance):
@@ -200,6 +201,7 @@ def test_adaptive_steps_are_those_of_scipy(arm, kepler, method, tolerance):
         assert np.abs(ours.end_state - exact).max() < 3 * their_error + 1e-12
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 def test_radau_solves_stiff_problems_as_scipy_does(tolerance):
     van_der_pol = Problem("vdp", lambda t, x, u, p: [x[1], 1e3 * (1 - x[0] ** 2) * x[1] - x[0]], [2, 0], 2000)
@@ -549,6 +551,7 @@ def test_progress_is_told_and_may_stop_the_run(arm):
         arm.run("DOP853", t1=1e6, progress=broken, max_evaluations=10**12)
 
 
+@pytest.mark.tier2
 def test_control_c_stops_a_run_and_keeps_what_was_computed():
     script = textwrap.dedent("""
         import os, signal, sys, threading, time

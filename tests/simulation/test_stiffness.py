@@ -203,6 +203,7 @@ def test_a_run_that_becomes_stiff_leaves_its_lane():
 # -- linear algebra
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["panda_held", "talos_free_fall", "n_four_bar_40"])
 def test_the_reduced_linear_systems_give_the_run_of_the_whole_ones(name, monkeypatch):
     """With a floating base (quaternion), with constraints, and with the work W after the velocities."""
@@ -216,6 +217,7 @@ def test_the_reduced_linear_systems_give_the_run_of_the_whole_ones(name, monkeyp
     assert np.abs(reduced.state - whole.state).max() < 1e-9 * np.abs(whole.state).max()
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["four_bar", "n_four_bar_2", "rolling_disk"])
 def test_the_jacobian_with_constraints_is_that_of_the_right_hand_side(name):
     """Central differences of the compiled right-hand side; their rounding errors are of 1e-10 / 1e-6."""

@@ -157,6 +157,7 @@ def test_the_estimated_error_of_fixed_steps_is_near_their_true_error(tmp_path):
     assert run.error_estimate() == pytest.approx(true, rel=0.01)
 
 
+@pytest.mark.tier2
 def test_an_event_that_unstable_steps_make_up_is_warned_of_and_a_true_or_sudden_one_is_not(tmp_path):
     stiff = ARM.replace("outputs:", "forces: [{kind: joint_spring, joint: elbow, stiffness: 40000}]\noutputs:")
     low = [{"name": "low", "when": {"expression": "frame('tip').y + 0.5"}, "direction": "down", "stop": True}]
@@ -276,6 +277,7 @@ def test_a_motion_is_what_its_file_held_when_the_scene_was_loaded(tmp_path):
         bc.load_scene(path).motion("path")
 
 
+@pytest.mark.tier2
 def test_events_come_back_with_their_states(tmp_path):
     text = ARM.replace(
         "outputs:", "events: [{name: level, when: {joint: shoulder, position: 0}, stop: true}]\noutputs:"
@@ -285,6 +287,7 @@ def test_events_come_back_with_their_states(tmp_path):
     same(run, bc.load_run(run.save(tmp_path / "run.npz")))
 
 
+@pytest.mark.tier2
 def test_another_process_reads_the_same_drift(arm, tmp_path):
     path = arm.save(tmp_path / "arm.npz")
     script = f"import bellcrank as bc; print(bc.load_run({str(path)!r}).energy_drift().hex())"
@@ -411,6 +414,7 @@ def test_files_cannot_be_written_below_a_file(arm, tmp_path):
 # ---- pictures and summaries
 
 
+@pytest.mark.tier2
 def test_the_plot_has_a_panel_for_each_unit_of_each_quantity(damped, tmp_path):
     figure = damped.plot(tmp_path / "run.png")
     titles = [axis.get_title(loc="left") for axis in figure.axes]
@@ -448,6 +452,7 @@ def test_a_chain_of_many_joints_keeps_a_short_legend(tmp_path):
     assert len(labels) == 9 and labels[-1].startswith("4 more")
 
 
+@pytest.mark.tier2
 def test_the_path_of_a_frame_is_drawn_in_its_plane(arm, tmp_path):
     figure = plot_run(arm, tmp_path / "path.png", frame="tip")
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("x [m]", "y [m]")
@@ -467,6 +472,7 @@ def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped)
     assert max(map(len, text.splitlines())) < 120
 
 
+@pytest.mark.tier2
 def test_a_good_run_has_no_warnings_and_bundled_scenes_are_good(damped):
     assert run_warnings(damped) == () and "warning" not in damped.summary()
     for name in ("planar_2r_swing", "spring_pendulum", "ur5_held"):
@@ -513,25 +519,3 @@ def test_the_html_summary_escapes_names(tmp_path):
     html = run._repr_html_()
     assert "<script>" not in html and "&lt;script&gt;" in html and "&amp; co" in html
     assert html.count("<tr>") == html.count("</tr>") and f"{run.energy_drift():.1e}" in html
-
-
-# ---- names of version 0.4
-
-
-def test_old_names_of_a_run_still_work_with_a_warning():
-    run = bc.simulate("four_bar", samples=11)
-    with pytest.warns(DeprecationWarning, match=r"'Trajectory\.closure' is now 'Trajectory\.constraint'"):
-        assert np.array_equal(run.closure("apex").multipliers, run.multipliers)
-    with pytest.warns(DeprecationWarning, match="constraint_rank"):
-        assert run.closure_rank().rank == 2
-    with pytest.warns(DeprecationWarning, match="constraint_residuals"):
-        assert list(run.closure_residuals) == ["m", "m/s"]
-    assert run.multiplier_names == (("apex", "x [N]"), ("apex", "y [N]"))
-
-
-def test_the_status_that_0_4_0_wrote_is_read():
-    from bellcrank.simulation.status import Status
-
-    assert Status("drive_ended") is Status.PRESCRIBED_MOTION_ENDED
-    with pytest.raises(ValueError, match="fell_asleep"):
-        Status("fell_asleep")

@@ -1,4 +1,7 @@
-"""The shipped delta robots over their picks: the frame's path, the rods' forces, and statics of the platform."""
+"""The shipped delta robots over their picks: the frame's path, the rods' forces, and statics of the platform.
+
+The motion of each, which inverse kinematics finds, and its sizing are computed once.
+"""
 
 import csv
 
@@ -7,6 +10,8 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
+
+pytestmark = pytest.mark.tier2
 
 ROBOTS = {  # with the prescribed coordinates, the weight that hangs on the rods, N, and the platform's pins by rod
     "delta": ("xyz", (0.8 + 0.5) * 9.81, {f"rod_{k}{side}": f"ball_{k}{side}" for k in (1, 2, 3) for side in "ab"}),
@@ -18,13 +23,26 @@ ROBOTS = {  # with the prescribed coordinates, the weight that hangs on the rods
 }
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_tool_follows_its_lines_and_comes_back(name):
-    linkage = bc.Linkage(bc.load_scene(name))
-    motion = linkage.motion("pick")
+@pytest.fixture(scope="module", params=ROBOTS)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def motion(name):
+    return bc.Linkage(bc.load_scene(name)).motion("pick")
+
+
+@pytest.fixture(scope="module")
+def sizing(name):
+    return bc.size(name)
+
+
+def test_the_tool_follows_its_lines_and_comes_back(name, motion):
+    robot = bc.load_scene(name).robot
     axes = ["xyz".index(axis) for axis in ROBOTS[name][0]]
     up = axes[-1]
-    tool = np.array([linkage.robot.frame_pose("tool", q)[0] for q in motion.position])
+    tool = np.array([robot.frame_pose("tool", q)[0] for q in motion.position])
     corners = [tool[np.argmin(np.abs(motion.time - t))][axes] for t in (0.0, 0.08, 0.28, 0.36, 0.48, 0.68, 0.76)]
     assert motion.time[-1] == pytest.approx(0.8)
     np.testing.assert_allclose(corners[0], corners[-1], atol=1e-10)
@@ -32,16 +50,12 @@ def test_the_tool_follows_its_lines_and_comes_back(name):
     assert tool[:, up].max() - tool[:, up].min() == pytest.approx(0.05, abs=1e-10)
     across = (motion.time > 0.08) & (motion.time < 0.28)
     np.testing.assert_allclose(tool[across, up], tool[across, up][0], atol=1e-10)
-    pose = [linkage.robot.frame_pose("platform", q)[1] for q in motion.position]
+    pose = [robot.frame_pose("platform", q)[1] for q in motion.position]
     np.testing.assert_allclose(pose, np.tile(np.eye(3), (len(pose), 1, 1)), atol=1e-10)  # the rods keep it level
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_rods_carry_the_platform_s_weight_and_accelerate_it(name):
-    sizing = bc.size(name)
+def test_the_rods_carry_the_platform_s_weight_and_accelerate_it(name, motion, sizing):
     history = sizing.histories["pick"]
-    linkage = bc.Linkage(bc.load_scene(name), bc.load_robot_config(name).robot())
-    motion = linkage.motion("pick")
     _, weight, pins = ROBOTS[name]
     mass, up = weight / 9.81, "xyz".index(ROBOTS[name][0][-1])
     scene = bc.load_scene(name)
@@ -63,15 +77,13 @@ def test_the_rods_carry_the_platform_s_weight_and_accelerate_it(name):
         np.testing.assert_allclose(force, needed, rtol=0, atol=1e-9 * max(weight, np.abs(needed).max()))
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_command_writes_the_forces_in_the_rods_and_reads_its_history_again(name, tmp_path, capsys):
+def test_the_command_writes_the_forces_in_the_rods_and_reads_its_history_again(name, sizing, tmp_path, capsys):
     assert main(["size", name, "--out", str(tmp_path / "sizing")]) == 0
     assert "All inside" in capsys.readouterr().out
     with (tmp_path / "sizing" / "constraint_forces_pick.csv").open(encoding="utf-8") as file:
         header = next(csv.reader(file))
         table = np.loadtxt(file, delimiter=",")
     assert header == ["time [s]", *(f"{entry['name']} push [N]" for entry in bc.load_scene(name).data["constraints"])]
-    sizing = bc.size(name)
     history = sizing.histories["pick"]
     assert np.array_equal(table, np.column_stack([history.time, history.multipliers]))
     again = bc.size(name, tmp_path / "sizing" / "history_pick.csv")

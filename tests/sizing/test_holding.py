@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from two_link import M1, M2, R1, R2, G, TwoLink
 
+import bellcrank as bc
 from bellcrank.robot.load import load_robot
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 
@@ -42,6 +43,7 @@ def test_ranges_are_kept() -> None:
     assert np.all((holding.position >= robot.lower - 1e-12) & (holding.position <= robot.upper + 1e-12))
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "kinova", "panda"])
 def test_no_random_posture_needs_more_and_the_posture_found_needs_as_much(name: str) -> None:
     robot = load_robot(name, gravity=(2.0, -3.0, -9.0))
@@ -115,6 +117,7 @@ ARM_AND_COUNTERWEIGHT = """<robot name="arm"><link name="base"/><link name="arm"
 <limit lower="-{range}" upper="{range}" effort="1" velocity="1"/></joint></robot>"""
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("kind", "axis", "origin", "at", "reach"),
     [
@@ -165,3 +168,21 @@ def test_a_mass_tolerance_with_a_joint_that_others_follow(tmp_path: Path) -> Non
     shares = robot.link_torques(x, 0 * x, 0 * x)[:, :, 0]
     brute = (np.abs(shares.sum(axis=1)) + 0.2 * np.abs(shares).sum(axis=1)).max()
     assert gravity_holding_torques(robot, mass_tolerance=0.2).torque[0] == pytest.approx(brute, rel=1e-9)
+
+
+@pytest.mark.parametrize(("angle", "expected"), [(1.0, 3.0 * (np.pi + 0.5)), (10.0, 3.0 * (10.0 - 0.5))])
+def test_a_spring_at_a_joint_without_limits_is_held_over_one_turn_and_over_the_motions(
+    tmp_path: Path, angle: float, expected: float
+) -> None:
+    body = f'<inertial><mass value="2"/>{UNIT}</inertial>'
+    (tmp_path / "turner.urdf").write_text(
+        f'<robot name="turner"><link name="base"/><link name="arm">{body}</link><joint name="turn" type="continuous">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    (tmp_path / "turner.yaml").write_text(
+        "urdf: turner.urdf\nforces: [{kind: joint_spring, joint: turn, stiffness: 3, rest: 0.5}]\n"
+        f"motions: {{go: {{kind: waypoints, times: [0, 2], positions: [{{}}, {{turn: {angle}}}]}}}}\n"
+    )
+    sizing = bc.size(tmp_path / "turner.yaml")
+    assert sizing.joint("turn").holding_torque == pytest.approx(expected, rel=1e-12)
+    assert any("turns without limits" in note and "over one turn" in note for note in sizing.warnings)

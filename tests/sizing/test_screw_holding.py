@@ -31,6 +31,7 @@ def arm(tmp_path):
     return bc.load_robot(tmp_path / "arm.urdf")
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("tolerance", [0.0, 0.1])
 def test_holding_torques_are_those_of_a_fine_grid(arm, tolerance):
     lift, spindle = np.linspace(-1.5, 1.5, 301), np.linspace(-70.0, 8.0 * math.pi, 4001)

@@ -9,6 +9,8 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from tests.support.extrapolated import slope
 
+pytestmark = pytest.mark.tier2
+
 RESULTS = (
     "max_torque", "min_torque", "peak_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power",
     "rms_torque", "motoring_energy", "regenerated_energy",

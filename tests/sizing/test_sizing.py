@@ -68,6 +68,7 @@ def test_peaks_come_with_the_posture_and_time_they_occur_at() -> None:
             np.testing.assert_allclose(peak.position, q)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("branch", [-1, 1])
 def test_every_figure_at_the_joint_agrees_with_brute_force(branch: int) -> None:
     robot: Any = TwoLink(viscous=0.7, coulomb=0.0)
@@ -163,6 +164,7 @@ def test_peaks_at_a_jump_of_acceleration_take_the_worse_side() -> None:
     assert shoulder.peak_motoring_power == pytest.approx(max(x.max() for x in power), rel=1e-9)
 
 
+@pytest.mark.tier2
 def test_coulomb_friction_is_counted_in_full_just_beside_a_reversal() -> None:
     robot: Any = TwoLink(coulomb=5.0)
     time = np.linspace(0.0, 2.0, 21)
@@ -275,7 +277,7 @@ def test_a_sizing_says_what_was_sized() -> None:
         assert piece in text.split("\n")[1]
     document = json.loads(json_text(sizing))
     assert document["gravity"] == [0.0, -9.81, 0.0] and document["payloads"] == [{"mass": 2.5, "frame": "tip"}]
-    assert document["mass_tolerance_percent"] == 12.5 and document["joints_without_drive"] == ["shoulder"]
+    assert document["mass_tolerance_percent"] == 12.5 and document["joints_without_actuator"] == ["shoulder"]
     assert sizing.warnings[0] in document["warnings"]
 
 

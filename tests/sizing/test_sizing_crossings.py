@@ -69,6 +69,7 @@ def written(folder: Path, urdf: str, **more: Any) -> Path:
     return folder / "scene.yaml"
 
 
+@pytest.mark.tier2
 def test_a_process_force_on_a_scara_s_quill_changes_the_quill_s_motor_alone_and_everywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,6 +210,7 @@ def slider_crank(folder: Path, **more: Any) -> bc.Scene:
     return bc.load_scene(path, more)
 
 
+@pytest.mark.tier2
 def test_the_friction_share_of_a_linkage_s_motor_counts_friction_at_all_joints(tmp_path: Path) -> None:
     rub = {"kind": "friction", "joint": "slider", "coulomb": 200.0, "viscous": 30.0}
     with_it, without = slider_crank(tmp_path, forces=[rub]), slider_crank(tmp_path, friction="none")
@@ -249,6 +251,7 @@ def test_a_clock_that_starts_later_is_said_and_the_run_is_sized_with_its_clock_i
     assert not [text for text in bc.size(still, "sway").warnings if "clock" in text]
 
 
+@pytest.mark.tier2
 def test_a_base_that_sizing_cannot_turn_is_refused_and_one_that_the_motion_has_elsewhere_is_said(
     tmp_path: Path,
 ) -> None:
@@ -277,6 +280,7 @@ def test_motors_that_an_open_chain_s_file_leaves_out_are_not_sized_as_if_they_we
 # ---- masses, energies, sizes
 
 
+@pytest.mark.tier2
 def test_masses_that_parameters_take_away_or_give_decide_whether_a_motor_moves_mass(tmp_path: Path) -> None:
     for sets, value in (("link.quill_link.scale", 0.0), ("link.quill_link.mass", 0.0)):
         path = written(tmp_path, SCARA, motions={"press": PRESS}, parameters={"m": {"value": value, "sets": [sets]}})
@@ -354,6 +358,7 @@ def test_a_motor_with_a_follower_under_forces_is_held_by_the_multiplier_of_a_dri
     assert line.holding_torque == pytest.approx(static, rel=1e-6) and line.holding_torque >= static * (1 - 1e-12)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_page_of_a_motion_with_its_scene_shows_the_torques_under_the_scene_s_forces(
     tmp_path: Path, closed: bool

@@ -157,6 +157,7 @@ def held(scene: bc.Scene, shape: str, motion: str, times: Any) -> np.ndarray[Any
 TIMES = np.array([0.0, 0.13, 0.4, 0.69, 0.71, 0.96, 1.2, 1.31, 1.57, 1.83])
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("shape", ["open", "closed"])
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_drives_that_hold_a_simulated_scene_give_what_inverse_dynamics_finds(
@@ -194,6 +195,7 @@ PARAMETERS = {
 }
 
 
+@pytest.mark.tier2
 def test_parameters_count_at_their_values_with_all_forces_together(folder: Path) -> None:
     scene = loaded(folder, "open", *EVERY, parameters=PARAMETERS)
     found = bc.scene_inverse_dynamics(scene, "go")
@@ -218,6 +220,7 @@ def test_parameters_count_at_their_values_with_all_forces_together(folder: Path)
     )
 
 
+@pytest.mark.tier2
 def test_a_parameter_of_a_linkage_counts_in_sizing(folder: Path) -> None:
     values = {
         "radius": {"value": 0.25, "sets": ["joint.rod.origin.x"]},
@@ -273,6 +276,7 @@ def test_reactions_of_an_open_chain_are_pinocchio_s_with_external_forces(folder:
             np.testing.assert_allclose(found.reactions[row, k], wrench, rtol=0, atol=1e-9 * np.abs(wrench).max())
 
 
+@pytest.mark.tier2
 def test_what_the_ground_gives_a_loaded_linkage_balances_its_momentum_and_all_forces(folder: Path) -> None:
     import pinocchio as pin
 
@@ -318,6 +322,7 @@ def test_what_the_ground_gives_a_loaded_linkage_balances_its_momentum_and_all_fo
 # ---- holding
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("tolerance", [0.0, 0.25])
 @pytest.mark.parametrize(
     "kinds",
@@ -353,6 +358,7 @@ def test_dampers_and_friction_hold_nothing(folder: Path) -> None:
         assert line.name == "turn" or line.peak_torque > 1.3 * other.peak_torque
 
 
+@pytest.mark.tier2
 def test_a_linkage_s_holding_torque_counts_springs_and_wrenches_at_the_postures_of_its_motion(folder: Path) -> None:
     scene = loaded(folder, "closed", "spring_to_world", "wrench_world", "damper")
     found = bc.scene_inverse_dynamics(scene, "go")
@@ -370,6 +376,7 @@ def test_a_linkage_s_holding_torque_counts_springs_and_wrenches_at_the_postures_
 # ---- sizing
 
 
+@pytest.mark.tier2
 def test_size_over_a_run_made_with_forces_gives_the_actuators_of_that_run(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -442,6 +449,7 @@ def test_jumps_of_tables_between_the_rows_of_a_motion_are_seen_from_both_sides(
     assert line.rms_torque == pytest.approx(np.sqrt(square / 4.0), rel=1e-12)
 
 
+@pytest.mark.tier2
 def test_a_friction_element_s_jump_at_a_reversal_is_resolved(tmp_path: Path) -> None:
     rub = {"name": "rub", "kind": "friction", "joint": "slide", "coulomb": 30.0, "width": 1e-4}
     back = "{kind: waypoints, times: [0, 1.1, 2], positions: [{slide: 0}, {slide: 1}, {slide: 0.2}], samples: 41}"
@@ -507,6 +515,7 @@ def test_a_controller_does_not_count_and_is_named(folder: Path) -> None:
     )
 
 
+@pytest.mark.tier2
 def test_payloads_and_forces_count_together(folder: Path) -> None:
     scene = loaded(folder, "open", "spring_between", "wrench_linear")
     heavy = scene.with_overrides({"payloads": [{"mass": 4.0, "frame": "tip"}]})
@@ -521,6 +530,7 @@ def test_payloads_and_forces_count_together(folder: Path) -> None:
     assert sized.payloads == ((4.0, "tip"),)
 
 
+@pytest.mark.tier2
 def test_a_free_base_s_joints_are_sized_under_forces_and_the_base_is_named(tmp_path: Path) -> None:
     (tmp_path / "slider.urdf").write_text(SLIDER)
     text = "urdf: slider.urdf\nfloating_base: true\nmotions: {stay: {kind: dwell, position: {}, duration: 1}}\n"
@@ -534,6 +544,7 @@ def test_a_free_base_s_joints_are_sized_under_forces_and_the_base_is_named(tmp_p
     assert any("several degrees of freedom" in warning for warning in bc.size(scene, found.motion).warnings)
 
 
+@pytest.mark.tier2
 def test_a_counterbalance_spring_and_process_forces_change_the_sizing(tmp_path: Path) -> None:
     scene = bc.load_scene("planar_2r")
     spring = {"name": "balance", "kind": "joint_spring", "joint": "shoulder", "stiffness": 200.0}
@@ -555,6 +566,7 @@ def test_the_mechanism_of_an_unknown_motion_or_joint_is_refused(folder: Path) ->
         bc.scene_inverse_dynamics(scene, "stay", actuated=["turn"])
 
 
+@pytest.mark.tier2
 def test_a_spring_that_the_block_passes_closely_is_resolved(tmp_path: Path) -> None:
     spring = {"name": "s", "kind": "spring", "frame_a": "block", "frame_b": "world", "point": [0.437, 2e-4, 0],
               "stiffness": 1.0e4, "free_length": 0.1}  # fmt: skip

@@ -58,6 +58,7 @@ def sizing(config_file: Path) -> Sizing:
 # ---- what bc.size takes
 
 
+@pytest.mark.tier2
 def test_a_configuration_sizes_as_its_robot_and_motions_do(config_file: Path, sizing: Sizing) -> None:
     config = bc.load_robot_config(config_file)
     robot = config.robot()
@@ -72,6 +73,7 @@ def test_a_configuration_sizes_as_its_robot_and_motions_do(config_file: Path, si
     assert bc.size("planar_2r").joint("shoulder").max_torque == pytest.approx(242.272603138, rel=1e-8)
 
 
+@pytest.mark.tier2
 def test_motions_are_chosen_by_name_file_or_object(config_file: Path, sizing: Sizing, tmp_path: Path) -> None:
     one = bc.size(config_file, "hold")
     assert one.motions == ("hold",) and one.joint("slide").cycles == (sizing.joint("slide").cycles[1],)
@@ -83,6 +85,7 @@ def test_motions_are_chosen_by_name_file_or_object(config_file: Path, sizing: Si
     assert both.joint("turn").cycles[0].rms_torque == pytest.approx(both.joint("turn").cycles[1].rms_torque, rel=1e-12)
 
 
+@pytest.mark.tier2
 def test_payloads_drives_and_tolerance_are_those_asked_for(config_file: Path, sizing: Sizing) -> None:
     heavier = bc.size(config_file, payloads=[bc.Payload(1.0, "rod")])
     assert heavier.payloads == ((0.5, "rod"), (1.0, "rod"))
@@ -193,6 +196,7 @@ def line_time(sizing: Sizing) -> np.ndarray:
     return sizing.histories["reach"].time
 
 
+@pytest.mark.tier2
 def test_histories_in_files_have_the_shaft_and_can_be_read_as_motions(config_file: Path, tmp_path: Path) -> None:
     from bellcrank.cli import main
 
@@ -256,6 +260,7 @@ def test_planes_of_the_page_show_the_rms_at_mean_speed(sizing: Sizing) -> None:
                 assert point[1] == pytest.approx(1.2 * (cycle.rms_shaft_torque or 0.0), rel=1e-12)
 
 
+@pytest.mark.tier2
 def test_no_axis_of_a_sizing_mixes_units(sizing: Sizing) -> None:
     assert sizing.inputs is not None
     figure = sizing_figures(sizing)["over_time_reach.png"]

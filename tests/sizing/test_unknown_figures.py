@@ -56,6 +56,7 @@ def test_a_complete_motor_is_judged_as_ratings_are() -> None:
     assert sizing.peak_supply_power is not None and sizing.peak_supply_power > 20.51  # of the joint, plus losses
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("motor", "gear", "unknown", "missing"),
     [

@@ -75,6 +75,7 @@ def test_a_motor_that_moves_mass_is_sized_beside_one_that_does_not(tmp_path: Pat
     assert sizing.joint("shoulder").peak_torque > 1.0
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(("allowed", "left"), [(["fore"], ["shoulder"]), (["upper"], []), (["fore", "upper"], [])])
 def test_what_is_allowed_is_sized_and_the_result_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], allowed: list[str], left: list[str]
@@ -92,6 +93,7 @@ def test_what_is_allowed_is_sized_and_the_result_says_so(
     assert document["joints_allowed_without_mass"] == list(sizing.allowed_massless)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     ("link", "message"),
     [
@@ -126,6 +128,7 @@ def test_a_rotor_is_no_mass_that_the_motor_moves(tmp_path: Path) -> None:
     assert len(sizing.unsizable) == 2
 
 
+@pytest.mark.tier2
 def test_a_follower_with_mass_is_what_its_leader_moves(tmp_path: Path) -> None:
     follower = (
         f'<link name="finger">{MASS}</link><joint name="second" type="revolute"><parent link="upper"/><child '
@@ -136,6 +139,7 @@ def test_a_follower_with_mass_is_what_its_leader_moves(tmp_path: Path) -> None:
     assert "joint 'elbow' moves no mass: link 'fore' without" in still
 
 
+@pytest.mark.tier2
 def test_a_moving_link_without_mass_is_warned_of_by_check_size_report_page_and_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +168,7 @@ def test_frames_fixed_to_links_are_no_moving_links() -> None:
         assert bc.load_robot(name).inertia_warnings == ()
 
 
+@pytest.mark.tier2
 def test_errors_of_check_stand_in_the_verdict(tmp_path: Path) -> None:
     impossible = MASS.replace('izz="0.02"', 'izz="0.2"')
     sizing = bc.size(arm(tmp_path, upper=MASS, fore=impossible))
@@ -186,6 +191,7 @@ def five_bar(place: Path, without: tuple[str, ...]) -> Path:
     return place / "five_bar.yaml"
 
 
+@pytest.mark.tier2
 def test_a_motor_of_a_linkage_moves_what_its_loops_move(tmp_path: Path) -> None:
     moving = ("left_arm", "left_forearm", "tool", "right_arm", "right_forearm")
     # the crank has no mass, and what follows it has

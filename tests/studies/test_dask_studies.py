@@ -29,7 +29,7 @@ from bellcrank.studies.simulation_runner import SimulationRunner
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.tier2
 COUNT = 20_000
 
 
@@ -54,6 +54,7 @@ class Borrowed:
         pass
 
 
+@pytest.mark.tier2
 def test_rows_are_those_without_dask(cluster, tmp_path):
     with StudyFolder(tmp_path) as place:
         run = run_study(SmallSpace(COUNT), SmallRunner(), cluster, folder=place, keep_every=0.0)
@@ -65,6 +66,7 @@ def test_rows_are_those_without_dask(cluster, tmp_path):
     assert same_columns(again.columns, expected_columns(COUNT))
 
 
+@pytest.mark.tier2
 def test_rows_of_a_scene_are_those_without_dask(cluster):
     scene = bc.load_scene("four_bar")
     space = DesignSpace((read_axis(scene, "crank_length", np.linspace(1.2, 4.0, 300)),))  # some cannot be built
@@ -84,6 +86,7 @@ def test_what_threads_began_workers_go_on_with(cluster, tmp_path):
     assert run.found == len(first.columns) and same_columns(run.columns, expected_columns(COUNT))
 
 
+@pytest.mark.tier2
 def test_ctrl_c_keeps_what_workers_have_done(cluster, tmp_path):
     def stop(done, of):
         if done > COUNT // 4:
@@ -124,6 +127,7 @@ def test_the_workers_of_a_scheduler_are_used(cluster):
     assert cluster.executor._client.status == "running"
 
 
+@pytest.mark.tier2
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
     monkeypatch.setattr(dask_execution, "CONNECTING", 1.0)
     with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'.*start one"):
@@ -150,6 +154,7 @@ def test_without_dask_the_remedy_is_said(monkeypatch):
         DaskExecutor(workers=1).__enter__()
 
 
+@pytest.mark.tier2
 def test_designs_that_kill_every_worker_are_said(monkeypatch, tmp_path):
     monkeypatch.setitem(local_cluster._SETTINGS, "distributed.scheduler.allowed-failures", 1)
     said = r"designs \d+ to \d+: 2 workers that ran them died, one after the other"
@@ -160,6 +165,7 @@ def test_designs_that_kill_every_worker_are_said(monkeypatch, tmp_path):
         assert run_study(SmallSpace(COUNT), SmallRunner(), folder=place).found > 100
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_two_of_four_workers_are_killed_and_nothing_is_lost(seed):
     """The workers are killed at random moments while they run designs; every row is that of the closed forms."""
@@ -203,6 +209,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.tier2
 def test_ctrl_c_at_a_terminal_ends_the_workers_quietly(tmp_path):
     """Ctrl-C reaches every process of a terminal's foreground, the workers too."""
     script = tmp_path / "study.py"

@@ -78,6 +78,7 @@ def test_a_target_event_without_a_value_makes_the_design_unknown(tmp_path):
     }
 
 
+@pytest.mark.tier2
 def test_an_event_that_is_no_target_ends_a_run_with_a_reason():
     scene = bc.load_scene(
         "four_bar", {"events": [{"name": "near", "when": {"singular_constraints": 0.4}, "stop": True}]}

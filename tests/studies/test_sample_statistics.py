@@ -45,7 +45,7 @@ def columns(values, status=None, statuses=("finished", "infeasible")):
     return Columns(statuses=statuses, status=status, measures={"lock.time": values})
 
 
-@pytest.mark.slow
+@pytest.mark.tier2
 @pytest.mark.parametrize("method", ["random", "latin", "sobol"])
 def test_intervals_of_95_percent_cover_the_closed_forms_of_a_normal_measure_in_90_to_99_percent_of_200_seeds(method):
     limit = parse_limit("lock.time > 2", {"lock.time": "s"})
@@ -68,7 +68,7 @@ def test_intervals_of_95_percent_cover_the_closed_forms_of_a_normal_measure_in_9
     assert all(LEAST <= count <= MOST for count in covered.values()), covered
 
 
-@pytest.mark.slow
+@pytest.mark.tier2
 @pytest.mark.parametrize("method", ["random", "latin", "sobol"])
 @pytest.mark.parametrize("chance", [1e-2, 1e-3, 1e-4])
 def test_intervals_of_rare_events_cover_at_least_as_often_as_they_say(method, chance):
@@ -194,3 +194,31 @@ def test_a_histogram_holds_every_value_and_integrates_to_one():
     assert (edges[0], edges[-1]) == (known.min(), known.max())
     density, edges = histogram(np.full(10, 3.0))
     assert len(density) == 1 and edges[0] < 3.0 < edges[1]
+
+
+@pytest.mark.parametrize("count", [20, 64, 301])
+@pytest.mark.parametrize("level", [0.1, 0.5, 0.93])
+def test_intervals_of_quantiles_have_the_narrowest_ranks_whose_tails_are_below_2_5_percent(count, level):
+    """How many of `count` values are below a quantile is binomial: the ranks follow from its tails alone."""
+    values = np.arange(1.0, count + 1.0)  # the value is the rank
+    _, (low, high) = quantile(values, level, SampleLayout.random(count))
+    below = stats.binom(count, level)
+    if math.isfinite(low):
+        assert below.cdf(low - 1) <= 0.025 < below.cdf(low)
+    else:
+        assert below.cdf(0) > 0.025
+    if math.isfinite(high):
+        assert below.sf(high - 1) <= 0.025 < below.sf(high - 2)
+    else:
+        assert below.sf(count - 1) > 0.025
+
+
+@pytest.mark.parametrize("level", [0.2, 0.5, 0.9])
+def test_intervals_of_quantiles_of_replicates_are_those_of_woodruff(level):
+    """The interval of the proportion below the quantile, about the level, as the next ranks outside it."""
+    values = np.random.default_rng(4).permutation(np.arange(1.0, ROWS + 1.0))  # the value is the rank
+    layout = SampleLayout.latin_hypercube(ROWS, REPLICATES)
+    estimate, (low, high) = quantile(values, level, layout)
+    share, (least, most) = proportion(values <= estimate, EVERY, layout)
+    assert low <= (level - (most - share)) * ROWS < low + 1.0
+    assert high - 2.0 < (level + (share - least)) * ROWS <= high - 1.0

@@ -175,6 +175,7 @@ def alone(scene):
     return found
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("case", SCENES)
 def test_every_design_has_the_parameters_the_start_or_the_reason_that_it_has_alone(case):
     scene, axes, values = designs_of(case)
@@ -208,6 +209,7 @@ def test_every_design_has_the_parameters_the_start_or_the_reason_that_it_has_alo
             assert given == getattr(settings, name)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     "case",
     [

@@ -26,6 +26,8 @@ from bellcrank.studies.sizing_batch import SizingBatch
 from bellcrank.studies.sizing_measures import measures_of
 from bellcrank.studies.sizing_runner import BLOCK, SizingRunner
 
+pytestmark = pytest.mark.tier2
+
 Array = NDArray[np.float64]
 G = 9.81
 EQUAL = 1e-9  # peaks, of the value

@@ -64,7 +64,7 @@ def run(function, sample):
                    measures={"f": values})  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.tier2
 @pytest.mark.parametrize(("function", "truth"), [(ishigami, ishigami_indices()), (pendulum_torque, pendulum_indices())])
 def test_intervals_of_95_percent_cover_the_closed_form_in_90_to_99_percent_of_200_seeds(function, truth):
     covered = np.zeros((2, 3), dtype=int)

@@ -27,6 +27,7 @@ from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
 from bellcrank.studies.study_rows import StudyRows
+from tests.campaigns.kills_of_a_study import check
 
 COUNT = 3000
 
@@ -363,48 +364,12 @@ def test_what_differs_between_environments_is_said_briefly():
 # ---- kill -9
 
 
-def killed_again_and_again(folder, kills, seed):
-    """Kill a process that runs a study, at random moments; returns what the last one, which is left alone, says."""
-    chance = random.Random(seed)
-    window = 0.2  # s after a line of its output in which a process is killed
-    seconds = str((0.25 * kills + 2.0) / 40_000)  # of a design: longer in all than the processes live
-    command = [sys.executable, small_study.__file__, str(folder), "40000", seconds, "0.01"]
-    kept, killed = 0, 0
-    while True:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        lines = []
-        if killed < kills:
-            awaited = chance.choice(["begun", "running", "kept"]) if killed < kills - 1 else "kept"
-            while not lines or (lines[-1] and not lines[-1].startswith(awaited)):
-                lines.append(process.stdout.readline())
-            time.sleep(chance.uniform(0.0, window))
-            process.send_signal(signal.SIGKILL)
-        out, _ = process.communicate()
-        lines += out.splitlines()
-        found = [int(line.split()[1]) for line in lines if "were done before" in line]
-        if "running" in (line.strip() for line in lines):
-            assert max(found, default=0) >= kept, "rows that were kept are lost"
-        assert not any("damaged" in line for line in lines), lines
-        kept = max([int(line.split()[1]) for line in lines if line.startswith("kept ")], default=kept)
-        if process.returncode == 0:
-            return killed, lines
-        assert process.returncode == -signal.SIGKILL
-        killed += 1
+@pytest.mark.tier2
+def test_a_study_that_is_killed_loses_nothing_that_was_kept(tmp_path):
+    check(tmp_path, kills=4, seed=1)
 
 
-@pytest.mark.parametrize(
-    ("kills", "seed"), [pytest.param(4, 1, id="4"), pytest.param(50, 2, id="50", marks=pytest.mark.slow)]
-)
-def test_a_study_that_is_killed_loses_nothing_that_was_kept(tmp_path, kills, seed):
-    killed, lines = killed_again_and_again(tmp_path, kills, seed)
-    assert killed == kills
-    found = [int(line.split()[1]) for line in lines if "were done before" in line]
-    assert found and found[0] > 0
-    assert lines[-1] == f"digest {small_study.digest(expected_columns(40000))}"
-    assert list(tmp_path.iterdir()) == []  # no half file either
-
-
-@pytest.mark.slow
+@pytest.mark.tier2
 def test_a_sweep_command_that_is_killed_again_and_again_gives_the_same_table(tmp_path):
     command = [
         sys.executable, "-m", "bellcrank", "sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:1000",
@@ -416,7 +381,7 @@ def test_a_sweep_command_that_is_killed_again_and_again_gives_the_same_table(tmp
         takes = time.monotonic() - begun
     chance, killed, folder = random.Random(5), 0, tmp_path / "killed"
     kept = {}
-    while killed < 12:
+    while killed < 4:
         process = subprocess.Popen([*command, str(folder)], stdout=subprocess.PIPE, text=True)
         time.sleep(chance.uniform(0.0, takes))
         process.send_signal(signal.SIGKILL)

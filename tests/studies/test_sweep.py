@@ -187,6 +187,7 @@ def test_the_files_hold_every_number_and_the_pictures_are_drawn(four_bar, tmp_pa
         result.plot(measures=["lock.tim"])
 
 
+@pytest.mark.tier2
 def test_the_command_writes_table_and_picture(four_bar, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scene = str(four_bar.source)
@@ -238,6 +239,7 @@ study:
 """
 
 
+@pytest.mark.tier2
 def test_a_scene_says_what_it_varies(four_bar, tmp_path, capsys):
     path = tmp_path / "studied.yaml"
     path.write_text(SCENE + STUDY)

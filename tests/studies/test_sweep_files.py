@@ -171,6 +171,7 @@ def test_parquet_without_pyarrow_says_how_to_install_it(tmp_path, monkeypatch):
         made_up({"crank_length": "1:2:5"}).to_parquet(tmp_path / "s.parquet")
 
 
+@pytest.mark.tier2
 def test_designs_are_objects_that_are_made_when_they_are_asked_for():
     result = made_up({"crank_length": "1:2:100000"})
     designs = result.designs
@@ -202,6 +203,7 @@ def test_differences_within_the_errors_of_the_runs_are_not_drawn_as_a_trend():
     assert "constant" in panels[0].get_title() and np.ptp(panels[1].get_ylim()) > 0.1
 
 
+@pytest.mark.tier2
 def test_a_sample_is_drawn_as_histograms_and_against_each_parameter(tmp_path):
     vary = {"crank_length": "normal(1.24, 0.01)", "initial.crank": "uniform(1 deg, 2 deg)"}
     result = made_up(vary, 512)

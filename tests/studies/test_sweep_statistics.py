@@ -60,6 +60,7 @@ def test_sobol_indices_of_the_lock_angle_are_those_of_its_closed_form():
             assert abs(estimate.value - truth) < 2.0 * estimate.half_width < 0.1
 
 
+@pytest.mark.tier2
 def test_the_command_prints_and_writes_probabilities_indices_and_the_page(tmp_path, capsys):
     vary = ["--vary", f"crank_length=normal({CRANK} m, 2 mm)", "--vary", "coupler_length=normal(1.2 m, 1 mm)"]
     out = ["--out", str(tmp_path / "study")]
@@ -98,6 +99,7 @@ def test_limits_of_a_sample_whose_error_is_unknown_are_refused_with_a_remedy(tmp
     assert (tmp_path / "study" / "sweep.csv").exists()
 
 
+@pytest.mark.tier2
 def test_a_report_of_a_sweep_takes_measures_and_limits_and_other_reports_do_not(tmp_path):
     result = bc.sweep("four_bar", {"crank_length": f"normal({CRANK}, {SPREAD})"}, sample=32, method="random")
     page = bc.report(result, tmp_path / "page.html", measures=["lock.time"], limits=["lock.time > 14 s"])
@@ -107,7 +109,7 @@ def test_a_report_of_a_sweep_takes_measures_and_limits_and_other_reports_do_not(
         bc.report(run, tmp_path / "run.html", limits=["end.time > 1"])
 
 
-@pytest.mark.slow
+@pytest.mark.tier2
 def test_statistics_of_sizings_are_those_of_the_closed_form():
     """The peak torque of a pendulum that is held level is m g l (test_sizing_sweep.py): with independent m and l the
     variance has the parts s_m² l², m² s_l² and s_m² s_l², and with l fixed the torque is normal."""

@@ -76,25 +76,36 @@ class Brute:
         share = (rise - (r_wh + r_ha) * copper) / (r_ha * friction * speed)
         return 1.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
 
+    def derating(self) -> tuple[float, float]:
+        """What is left of the permitted rise at the altitude, and of printed torques there and at the ambient."""
+        m, ambient = self.motor, self.conditions.ambient
+        thin = 1.0 - max(self.conditions.altitude - 1000.0, 0.0) / 1e4
+        reference = 25.0 if m.reference_temperature is None else m.reference_temperature
+        if ambient <= reference:
+            return thin, thin
+        hottest = value(m.max_winding_temperature)
+        return thin, thin * max(hottest - ambient, 0.0) / (hottest - reference)
+
     def s1(self, speed: np.ndarray) -> np.ndarray:
-        """Continuous torque at speeds, at 25 °C and sea level."""
-        m = self.motor
+        """Continuous torque at speeds, at the ambient temperature and altitude."""
+        m, (thin, printed_share) = self.motor, self.derating()
         speed = np.abs(np.atleast_1d(np.asarray(speed, dtype=float)))
         if m.continuous_curve:
             x, y = np.array(m.continuous_curve).T
             ended = np.where((y[-1] == 0.0) | (speed > value(m.max_speed)), 0.0, math.nan)
-            return np.where(speed > x[-1], ended, np.interp(speed, x, y))
-        r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
-        rise = value(m.max_winding_temperature) - 25.0
+            return printed_share * np.where(speed > x[-1], ended, np.interp(speed, x, y))
+        r_wh, r_ha = value(m.resistance_winding_housing) / thin, value(m.resistance_housing_ambient) / thin
+        rise = value(m.max_winding_temperature) - self.conditions.ambient
         friction = self.tc * np.sign(speed) + self.cv * speed
         heat = self.heat_share() * friction * speed
         copper = (rise - r_ha * heat) / (r_wh + r_ha)
         if m.max_housing_temperature is not None:
-            copper = np.minimum(copper, (m.max_housing_temperature - 25.0) / r_ha - heat)
-        per_torque = value(m.resistance) / self.k**2 * (1.0 + ALPHA * rise)
+            copper = np.minimum(copper, (m.max_housing_temperature - self.conditions.ambient) / r_ha - heat)
+        per_torque = value(m.resistance) / self.k**2 * (1.0 + ALPHA * (value(m.max_winding_temperature) - 25.0))
         thermal = np.maximum(np.sqrt(np.maximum(copper, 0.0) / per_torque) - friction, 0.0)
-        nominal = value(m.nominal_torque)
-        printed = np.where((speed <= value(m.nominal_speed)) | (speed == 0.0), nominal, math.nan)
+        nominal = printed_share * value(m.nominal_torque)
+        at_nominal = (speed <= value(m.nominal_speed)) | (speed == 0.0)
+        printed = np.where(at_nominal & (np.isnan(thermal) | (printed_share == 1.0)), nominal, math.nan)
         above = np.where(np.isnan(thermal), math.nan, np.fmin(thermal, nominal))
         return np.where(np.isnan(printed), above, printed)
 
@@ -141,23 +152,21 @@ class Brute:
 
     def temperatures(self) -> tuple[float, float]:
         """Largest winding and housing temperature of the periodic state, at 20 moments of each interval."""
-        m, ambient = self.motor, self.conditions.ambient
+        m, ambient, thin = self.motor, self.conditions.ambient, self.derating()[0]
         r_wh, r_ha = value(m.resistance_winding_housing), value(m.resistance_housing_ambient)
         c_w, c_h = value(m.time_constant_winding) / r_wh, value(m.time_constant_motor) / r_ha
-        steps, flow, factor = [], np.eye(3), 1.0 + ALPHA * (ambient - 25.0)
-        for length, copper, friction in zip(*self.losses(), strict=True):
-            if math.isnan(length + copper + friction + c_w + c_h):
-                return math.nan, math.nan
-            system = np.array(
-                [
-                    [(ALPHA * copper - 1.0 / r_wh) / c_w, 1.0 / (r_wh * c_w), copper * factor / c_w],
-                    [1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h, self.heat_share() * friction / c_h],
-                    [0.0, 0.0, 0.0],
-                ]
-            )
-            step = expm(system * length / 20.0)
-            steps.append(step)
-            flow = np.linalg.matrix_power(step, 20) @ flow
+        r_wh, r_ha = r_wh / thin, r_ha / thin
+        length, copper, friction = self.losses()
+        if np.isnan(length + copper + friction + c_w + c_h).any():
+            return math.nan, math.nan
+        systems = np.zeros((len(length), 3, 3))
+        systems[:, 0, 0], systems[:, 0, 1] = (ALPHA * copper - 1.0 / r_wh) / c_w, 1.0 / (r_wh * c_w)
+        systems[:, 0, 2] = copper * (1.0 + ALPHA * (ambient - 25.0)) / c_w
+        systems[:, 1, 0], systems[:, 1, 1] = 1.0 / (r_wh * c_h), -(1.0 / r_wh + 1.0 / r_ha) / c_h
+        systems[:, 1, 2] = self.heat_share() * friction / c_h
+        steps, flow = expm(systems * length[:, None, None] / 20.0), np.eye(3)
+        for step in np.linalg.matrix_power(steps, 20):
+            flow = step @ flow
         if not np.isfinite(flow).all() or np.max(np.abs(np.linalg.eigvals(flow[:2, :2]))) >= 1.0:
             return math.inf, math.inf
         state = np.append(np.linalg.solve(np.eye(2) - flow[:2, :2], flow[:2, 2]), 1.0)
@@ -173,6 +182,8 @@ class Brute:
         if not self.motor.peak_curve:
             return math.nan
         x, y = np.array(self.motor.peak_curve).T
+        if self.conditions.voltage is not None:
+            x = x - max(value(self.motor.nominal_voltage) - self.conditions.voltage, 0.0) / self.k
         torque, speed = np.abs(self.T), np.abs(self.omega)
         if np.isnan(torque).any():
             return math.nan
@@ -183,20 +194,21 @@ class Brute:
             low, high = np.where(inside, factor, low), np.where(inside, high, factor)
         return float(np.max(1.0 / low))
 
-    def uses(self) -> dict[str, float]:
-        """Utilisation by the name of the criterion; NaN unknown."""
+    def uses(self, temperatures: bool = True) -> dict[str, float]:
+        """Utilisation by the name of the criterion; NaN unknown. `temperatures` take long."""
         m, g, c = self.motor, self.gear, self.conditions
         over = lambda load, limit: load / value(limit)  # noqa: E731
         speed, mean_speed = np.max(np.abs(self.omega)), self.mean(np.abs(self.omega))
         bus = value(m.nominal_voltage) if c.voltage is None else c.voltage
         usable = bus * (1.0 - c.voltage_reserve)
-        volts = value(m.resistance) / self.k * self.Te + self.k * self.omega
+        warm = value(m.resistance) * (1.0 + ALPHA * (c.winding_temperature - 25.0))
+        volts = warm / self.k * self.Te + self.k * self.omega
         current = value(m.torque_constant) * value(m.peak_current)
         life = value(g.life) * value(g.rated_speed) / mean_speed if mean_speed else math.inf + 0.0 * value(g.life)
         average = self.average_torque()
         life *= (value(g.rated_torque) / average) ** value(g.life_exponent) if average else math.inf
         continuous = float(np.sqrt(self.mean(self.T**2)) / self.s1(mean_speed)[0])
-        overloaded = continuous > 3.0  # exponentials overflow
+        overloaded = continuous > 3.0 or not temperatures  # exponentials overflow
         winding, housing = (math.inf, math.inf) if overloaded else self.temperatures()
         longest = self.longest_above()
         found = {

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen.expression_graph import graph_of
+from bellcrank.robot.joints import unit_vectors
+from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
 STEP = 1e-40
@@ -41,3 +43,24 @@ def directional_derivatives(function: casadi.Function, at: Sequence[Array], alon
     for entry, node in zip(entries, nodes, strict=True):
         found[entry] = values[node].imag / STEP
     return found
+
+
+def random_state(robot: Robot, seed: int = 1) -> tuple[Array, Array, Array]:
+    """Positions with unit quaternions and headings, velocities, and accelerations or torques."""
+    random = np.random.default_rng(seed)
+    q = random.uniform(-1.5, 1.5, robot.nq)
+    for part in unit_vectors(robot.joints):
+        q[part] /= np.linalg.norm(q[part])
+    return q, random.normal(size=robot.nv), random.normal(size=robot.nv)
+
+
+def dynamics_derivatives(robot: Robot, algorithm: str, q: Array, v: Array, third: Array) -> list[Array]:
+    """The derivatives of inverse or forward dynamics with friction, along E(q) δ for positions."""
+    nv = robot.nv
+    rates = robot.configuration_rate(np.tile(q, (nv, 1)), np.eye(nv)).T
+    none, every = np.zeros((nv, nv)), np.eye(nv)
+    along = [
+        np.hstack([rates, np.zeros((robot.nq, 2 * nv))]), np.hstack([none, every, none]), np.hstack([none, none, every])
+    ]  # fmt: skip
+    found = directional_derivatives(robot.equations.dynamics(algorithm), (q, v, third), along)
+    return np.hsplit(found, 3)

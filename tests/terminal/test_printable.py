@@ -80,6 +80,7 @@ def test_cells_that_would_be_formulas_come_back_as_they_were():
     assert guarded([-1.5, 3, None]) == [-1.5, 3, None]
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("joint", ["=1+1", "@SUM(1)", "+joint", "-joint", "'=1"])
 def test_csv_files_hold_names_as_text_and_are_read_back(tmp_path, joint):
     path = scene(tmp_path, joint)
@@ -104,3 +105,17 @@ def test_a_sweep_writes_texts_of_an_axis_as_text(tmp_path):
     path = scene(tmp_path, "swing")
     sweep = bc.sweep(path, {"simulate.solver": ["RK45", "DOP853"]})
     assert (sweep.to_csv(tmp_path / "sweep.csv")).read_text().splitlines()[1].startswith("RK45,finished,")
+
+
+def test_a_message_has_at_most_1200_letters_and_keeps_its_beginning_and_its_end(tmp_path):
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    link = f'<link name="{{0}}">{inertial}</link>'
+    joint = '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/></joint>'
+    names = [f"j{k}_{'x' * 150}" for k in range(100)]
+    chain = [link.format(f"l{k + 1}") + joint.format(name, f"l{k}", f"l{k + 1}") for k, name in enumerate(names)]
+    (tmp_path / "long.urdf").write_text(f'<robot name="long"><link name="l0"/>{"".join(chain)}</robot>')
+    (tmp_path / "long.yaml").write_text("urdf: long.urdf\ninitial: {gone: 1}\n")
+    with pytest.raises(InputError) as refused:
+        bc.load_scene(tmp_path / "long.yaml")
+    message = str(refused.value)
+    assert len(message) == 1200 and "unknown joint 'gone'" in message and message.endswith("(100 in all))")

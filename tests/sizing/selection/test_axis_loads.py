@@ -16,6 +16,8 @@ from bellcrank.sizing.subject import mechanism_and_motions
 from tests.support.actuator_bodies import body, payload_at_joint
 from tests.support.crane import FILES
 
+pytestmark = pytest.mark.tier2
+
 
 def mechanism_of(name, payloads=()):
     config = bc.load_robot_config(name)

@@ -13,6 +13,8 @@ from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.sizing.sizing_csv import csv_text
 from bellcrank.sizing.sizing_files import json_text
 
+pytestmark = pytest.mark.tier2
+
 SCARA_CONFIG = """name: SCARA
 urdf: scara.urdf
 motions:

@@ -18,6 +18,8 @@ from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.thermal_criteria import heat_cycle, peak_temperatures, temperature_bounds
 
+pytestmark = pytest.mark.tier2
+
 BY_NAME = {criterion.name: criterion for criterion in CRITERIA}
 DECIDED_BY_BOUNDS = {  # criteria that a stated bound of an unknown limit may decide
     "gear average torque",

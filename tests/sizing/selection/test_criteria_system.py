@@ -69,6 +69,7 @@ def test_the_power_of_the_bus_is_that_of_all_power_trains(seed: int) -> None:
     assert result(judge_system(pairs, loads, Conditions()), "supply power").verdict == "note"
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("capacity", [0.0, 0.3, 3.0, math.inf])
 def test_stored_energy_equals_a_plain_simulation_of_many_cycles(seed: int, capacity: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.criteria import figure, lacks, worst
+from bellcrank.sizing.selection.gear_criteria import average_torque
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
@@ -156,6 +158,16 @@ def test_an_average_torque_of_unknown_exponent_is_judged_by_its_bounds() -> None
     for limit, verdict in ((1.01 * most, "inside"), (0.5 * (mean + most), "unknown"), (0.99 * mean, "exceeded")):
         gear = strong_gear(life_exponent=None, average_torque=limit, rated_torque=None)
         assert results(strong_motor(), gear, loads)["gear average torque"].verdict == verdict, limit
+
+
+@pytest.mark.parametrize(("torque", "speed", "average"), [(0.0, 5.0, 0.0), (3.0, 0.0, 0.0), (3.0, 5.0, np.nan)])
+def test_without_torque_or_turning_a_gear_has_no_average_torque_whatever_its_exponent(
+    torque: float, speed: float, average: float
+) -> None:
+    pairs = Pairs.possible([strong_motor()], [strong_gear(life_exponent=None)])
+    cycle = SimpleNamespace(max_torque=torque, mean_speed=speed)
+    found = average_torque(pairs.take(pairs.with_gear), cycle)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found, [average])
 
 
 def test_bounds_of_an_unknown_limit_decide_on_their_side_only() -> None:

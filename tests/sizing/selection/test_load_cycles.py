@@ -29,6 +29,7 @@ def squares(cycle):
 # ---- against other routes
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "panda"])
 def test_torques_are_those_of_pinocchio_without_rotors_and_with_added_bodies(name):
     config = bc.load_robot_config(name)
@@ -59,6 +60,7 @@ def test_torques_are_those_of_pinocchio_without_rotors_and_with_added_bodies(nam
         assert np.abs(cycle.inertia[rows] - felt).max() < 1e-9 * felt.max()
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "geared_pendulum", "planar_2r", "xarm7", "five_bar", "four_bar"])
 def test_peaks_and_integrals_are_those_of_size(name):
     config = bc.load_robot_config(name)
@@ -132,6 +134,7 @@ def test_rotors_of_the_robot_are_not_part_of_the_loads():
             assert np.allclose(getattr(one, key)[weighted], getattr(other, key)[weighted], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("actuated", [None, ["left_motor", "right_motor", "left_elbow"]])
 def test_rotors_of_a_linkage_are_not_part_of_the_loads(actuated):
     scene = bc.load_scene("five_bar")

@@ -21,6 +21,7 @@ def crane(tmp_path):
     return mechanism_of(scene), scene.motion("swing")
 
 
+@pytest.mark.tier2
 def test_forces_that_jump_inside_a_motion(crane):
     mechanism, motion = crane
     [cycle], sizing = axis_loads(mechanism, [motion]).cycles, bc.size(mechanism, [motion])

@@ -15,6 +15,8 @@ from bellcrank.actuators.catalogue import Catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 
+pytestmark = pytest.mark.tier2
+
 CONDITIONS = Conditions(voltage=48.0)
 OF_MOTION = {"motor speed", "gear average input speed", "gear largest input speed"}
 

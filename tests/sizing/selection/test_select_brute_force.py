@@ -19,6 +19,8 @@ from bellcrank.sizing.selection.axis_pairs import axis_pairs
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 
+pytestmark = pytest.mark.tier2
+
 ALPHA = 0.0039  # 1/K
 CONDITIONS = Conditions(voltage=44.0, voltage_reserve=0.15, ambient=35.0, safety_factor=1.2, life=4000.0)
 

@@ -30,6 +30,7 @@ def selection(tmp_path_factory):
     return bc.select(folder / "crane.yaml", None, products, keep=KEEP, candidates=500), folder
 
 
+@pytest.mark.tier2
 def test_a_linear_axis_takes_screws_and_racks_only(selection):
     found, _ = selection
     slide, shoulder = found.axis("slide"), found.axis("shoulder")
@@ -55,6 +56,7 @@ def test_the_screw_by_hand(selection):
     assert uses["peak torque"] == pytest.approx(np.abs(torque).max() / limit, rel=1e-9)
 
 
+@pytest.mark.tier2
 def test_size_of_the_written_file_gives_the_same_shafts(selection):
     found, folder = selection
     sizing, [cycle] = bc.size(found.write_config(folder / "chosen.yaml")), found.cycles

@@ -20,6 +20,8 @@ from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.pareto import non_dominated
 
+pytestmark = pytest.mark.tier2
+
 OBJECTIVES = ("mass", "cost", "loss", "margin")
 
 

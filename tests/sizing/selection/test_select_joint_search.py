@@ -83,6 +83,7 @@ def exhaustive(pairs):
     return min(found, default=None), len(found)
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize("influence", [CHAIN, TWO_ARMS, RING, ITSELF], ids=["chain", "two arms", "ring", "itself"])
 @pytest.mark.parametrize("objective", ["mass", "cost", "margin"])
 def test_the_search_equals_the_exhaustive_search(influence, objective):
@@ -101,6 +102,7 @@ def test_the_search_equals_the_exhaustive_search(influence, objective):
     assert solved >= 6
 
 
+@pytest.mark.tier2
 def test_equal_combinations_are_decided_by_the_ranks_of_the_axes_from_the_tip_to_the_base():
     for seed in range(20):
         rng = np.random.default_rng(seed)

@@ -16,6 +16,8 @@ from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.subject import mechanism_and_motions
 from tests.support import actuator_bodies
 
+pytestmark = pytest.mark.tier2
+
 CONDITIONS = Conditions(voltage=48.0)
 MOUNTS = {  # where motors move; that of the five-bar loads both axes, that of the four-bar its own axis
     "five_bar": {"right_motor": bc.Mount(link="left_forearm")},

@@ -9,6 +9,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import body
 from tests.support import actuator_bodies
 
+pytestmark = pytest.mark.tier2
+
 CONDITIONS = Conditions(voltage=48.0)
 KEEP = {"shoulder": "motor_0000+gear_0000", "elbow": "motor_0001+gear_0001"}
 DUTY = [{"motion": "reach", "repeat": 2}, {"pause": 3.0}]

@@ -67,6 +67,7 @@ def refuse(constant: str) -> None:
     raise AssertionError(f"{constant} in JSON")
 
 
+@pytest.mark.tier2
 def test_tables_say_what_was_chosen_why_and_what_is_next(
     arm: Selection, failing: Selection, unknown: Selection
 ) -> None:
@@ -146,6 +147,7 @@ def test_the_json_is_whole_finite_and_in_si_units(arm: Selection, failing: Selec
     assert gears and all(("efficiency" in gear) == (gear["id"] != "g100") for gear in gears)
 
 
+@pytest.mark.tier2
 def test_pictures_are_drawn_also_where_torques_are_unknown(
     arm: Selection, failing: Selection, unknown: Selection, tmp_path: Path
 ) -> None:
@@ -198,6 +200,7 @@ def written(arm: Selection, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     yield arm.write_config(tmp_path_factory.mktemp("written") / "arm.yaml")
 
 
+@pytest.mark.tier2
 def test_size_of_the_written_file_has_the_loads_of_the_criteria(arm: Selection, written: Path) -> None:
     sizing = size(written, "elbow_up")
     cycle = arm.cycles[0]
@@ -326,6 +329,7 @@ duty: [swing, {pause: 2 s}]
 """
 
 
+@pytest.mark.tier2
 def test_actuators_of_coupled_transmissions_are_written_by_motor(products: Catalogue, tmp_path: Path) -> None:
     (tmp_path / "belt.yaml").write_text(BELT)
     found = select(tmp_path / "belt.yaml", None, products)
