@@ -10,8 +10,6 @@ from yaml_recorder import Asked, recorded
 
 import bellcrank as bc
 from bellcrank.config.units import UNITS
-from bellcrank.deprecated import REMOVAL
-from bellcrank.scene import renamed_keys
 
 KEYS = Path(__file__).parent / "yaml_keys.yaml"
 # In these sections units depend on the joint: what a revolute joint asks for stands for both kinds.
@@ -61,7 +59,7 @@ def page() -> str:
         lines += ["| key | value | default | meaning |", "|---|---|---|---|"]
         for key, given in entry["keys"].items():
             lines.append(_row(entry["section"], key, given, asked[entry["section"]][key]))
-    return "\n".join([*lines, "", *_old_names(), "", *_units(), ""])
+    return "\n".join([*lines, "", *_units(), ""])
 
 
 def _row(section: str, key: str, given: Any, asked: Asked) -> str:
@@ -75,23 +73,6 @@ def _row(section: str, key: str, given: Any, asked: Asked) -> str:
         default = setting.kind if key == "stabilisation" else f"{setting:g}" if isinstance(setting, float) else setting
     cells = [f"`{key}`", value, "" if default is None else str(default), given["text"]]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def _old_names() -> list[str]:
-    places = {
-        "top level, and paths of overrides": renamed_keys.TOP_KEYS,
-        "`kind` of constraints": renamed_keys.CONSTRAINT_KINDS,
-        "`outputs`; `aligned` and `friction_demand` of events": renamed_keys.OUTPUT_KEYS,
-        "`when` of events": renamed_keys.CONDITIONS,
-        "targets of parameters (`sets`)": renamed_keys.TARGETS,
-    }
-    return [
-        "## Deprecated names\n",
-        f"Files of version 0.4 still open. These names work until {REMOVAL}; each gives a note:\n",
-        "| old | new | where |",
-        "|---|---|---|",
-        *(f"| `{old}` | `{new}` | {where} |" for where, names in places.items() for old, new in names.items()),
-    ]
 
 
 def _units() -> list[str]:
