@@ -1,6 +1,7 @@
 """Forces, controllers, parameters, outputs and formulas of scenes against finite differences and other routes."""
 
 import math
+from dataclasses import replace
 
 import casadi
 import numpy as np
@@ -293,6 +294,17 @@ def test_a_motions_jumps_are_stops():
     np.testing.assert_array_equal(stops, [0.0, 1.0, np.nextafter(2.0, 3.0)])
     np.testing.assert_allclose(signal.at(np.array([0.999999, 1.0]))[:, 4], [1.0, 0.0], atol=1e-4)
     np.testing.assert_array_equal(motion_signal(motion, tuple(robot.joints), 1)[1], [np.nextafter(2.0, 3.0)])
+
+
+def test_the_stops_of_a_motion_are_those_of_the_clock_of_the_start(folder):
+    go = {"kind": "point_to_point", "from": {}, "to": {"elbow": 0.5}, "speed": 1, "acceleration": 5,
+          "profile": "trapezoid"}  # fmt: skip
+    follow = {"kind": "computed_torque", "name": "follow", "motion": "go", "kp": 20, "kd": 10}
+    scene = crane(folder, motions={"go": go}, control=[follow])
+    later = replace(scene, initial=replace(scene.initial, clock=0.25))
+    np.testing.assert_allclose(scene.stops, [0.0, 0.2, 0.5, 0.7], atol=1e-15)  # the acceleration jumps
+    np.testing.assert_allclose(later.stops, scene.stops - 0.25, atol=1e-15)
+    assert later.stops[-1] > later.signals[0].breaks[-1]  # at the last time the acceleration has not jumped yet
 
 
 @pytest.mark.parametrize(

@@ -40,13 +40,8 @@ class Signal:
     derivatives: int
     kinked: bool
 
-    @property
-    def size(self) -> int:
-        """The number of entries of u that it supplies."""
-        return int(self.coefficients.shape[2]) * (self.derivatives + 1)
-
     def at(self, t: Array) -> Array:
-        """Values, first and second derivatives, (n, size), at times (n,), s; at a break the limit from the right."""
+        """Values and derivatives (n, width (derivatives + 1)) at times (n,), s; at a break the limit from the right."""
         inside = np.clip(t, self.breaks[0], self.breaks[-1])
         k = np.clip(np.searchsorted(self.breaks, inside, side="right") - 1, 0, len(self.breaks) - 2)
         s = (inside - self.breaks[k])[:, None]

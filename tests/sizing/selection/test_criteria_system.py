@@ -106,6 +106,10 @@ def test_capacitor_and_brake_resistor(seed: int) -> None:
     alone = result(judge_system(pairs, loads, Conditions(**bus)), "regenerated energy")  # type: ignore[arg-type]
     needed = stored_energy(energy, cycle, math.inf).largest
     assert alone.use == pytest.approx(needed / capacity, rel=1e-8)
+    for most, room in ((48.01, 0.5 * 0.05 * (48.01**2 - 48.0**2)), (48.0, 0.0)):  # far below 1 J, and none
+        less = result(judge_system(pairs, loads, Conditions(**bus | {"bus_max_voltage": most})), "regenerated energy")  # type: ignore[arg-type]
+        assert less.verdict == "exceeded"
+        assert less.use == (pytest.approx(needed / room, rel=1e-8) if room else math.inf)
     if seed == 0:  # a capacitor that is too small
         bus["bus_capacitance"], capacity = 0.25 * needed / capacity * 0.05, 0.25 * needed
     overflow = stored_energy(energy, cycle, capacity).overflow / cycle.duration

@@ -175,6 +175,27 @@ def test_a_search_with_few_judgements_says_how_many_combinations_are_open():
     assert total(judge_choice(pairs, short.choice), False) >= total(judge_choice(pairs, complete.choice), False)
 
 
+def test_open_combinations_are_those_that_may_be_better_of_pairs_that_hold_without_the_others():
+    """Each pair is dearer than the one before; the cheapest tip is heavy, so that it needs the dearest base."""
+
+    class Loaded(Pairs):
+        @property
+        def bounds(self):
+            return [self._keys(axis, 1.0 / strength) for axis, strength in enumerate(self.strength)]
+
+    pairs = Loaded(
+        np.array([[0, 1], [0, 0]], dtype=bool),
+        masses=[np.array([1.0, 2.0, 3.0]), np.array([5.0, 1.0, 2.0, 3.0])],
+        prices=[np.array([1.0, 5.0, 100.0]), np.array([1.0, 2.0, 3.0, 200.0])],
+        strength=[np.array([0.5, 4.0, 9.0]), np.full(4, 2.0)],
+        objective="cost",
+        gain=np.ones((2, 2)),
+    )
+    found = best_combination(pairs, 1)
+    assert found.choice == (2, 0)  # 101; less may be with tip 1 or 2, and base 1 or 2
+    assert found.open == 2 * 2
+
+
 def test_a_combination_that_is_not_accepted_is_passed_over():
     pairs = random_pairs(np.random.default_rng(5), CHAIN, 6, "mass")
     best = best_combination(pairs, 10**6).choice
