@@ -158,7 +158,7 @@ def test_options_are_read_with_their_units() -> None:
     assert conditions(given) == Conditions(
         voltage=48.0, voltage_reserve=0.05, ambient=40.0, altitude=2000.0, safety_factor=1.2, life=20000.0, brake=True,
         bus_capacitance=0.01, bus_max_voltage=60.0, brake_resistor_power=200.0, supply_power=1500.0,
-        assumed={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},
+        assume={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},
     )  # fmt: skip
     assert conditions(parser.parse_args(["ur5"])) == Conditions()
     assert parse_kept(["a = m + g", "b=m"]) == {"a": "m + g", "b": "m"} and parse_assumed([]) == {}

@@ -79,7 +79,7 @@ def test_the_choice_names_products_and_says_unknown_where_a_figure_is(chosen):
 
 def test_conditions_say_what_is_assumed_and_what_each_pass_chose(chosen):
     conditions = Conditions(
-        voltage=48.0, ambient=40.0, assumed={"gear.efficiency": 0.7, "motor.mass": 1.0}, momentary_loads={"elbow": 80.0}
+        voltage=48.0, ambient=40.0, assume={"gear.efficiency": 0.7, "motor.mass": 1.0}, momentary_loads={"elbow": 80.0}
     )
     rows = dict(conditions_facts(dataclasses.replace(chosen, conditions=conditions)).rows)
     assert rows["bus voltage"] == "48 V" and rows["ambient temperature"] == "40 °C"
@@ -92,7 +92,7 @@ def test_conditions_say_what_is_assumed_and_what_each_pass_chose(chosen):
 
 def test_every_condition_is_listed(chosen):
     assert len(conditions_facts(chosen).rows) == len(dataclasses.fields(Conditions)) + len(chosen.iterations)
-    assert {field.name for field in dataclasses.fields(Conditions)} == {*WORDS, "assumed", "momentary_loads"}
+    assert {field.name for field in dataclasses.fields(Conditions)} == {*WORDS, "assume", "momentary_loads", "sources"}
 
 
 # ---- its data

@@ -198,7 +198,7 @@ def conditions(arguments: argparse.Namespace) -> Conditions:
         "supply_power": number_option("--supply-power", arguments.supply_power, "W", above=0.0),
     }
     known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return Conditions(brake=arguments.brake, assumed=parse_assumed(arguments.assume), **known)
+    return Conditions(brake=arguments.brake, assume=parse_assumed(arguments.assume), **known)
 
 
 def parse_kept(texts: list[str]) -> dict[str, str]:

@@ -125,14 +125,14 @@ def conditions_facts(selection: Selection) -> Facts:
     rows = [
         (WORDS.get(field.name, (field.name.replace("_", " "), ""))[0], _condition(conditions, field.name))
         for field in fields(conditions)
-        if field.name not in ("momentary_loads", "assumed")
+        if field.name not in ("momentary_loads", "assume", "sources")
     ]
     units = {axis.axis.name: "N" if axis.axis.kind == "linear" else "N m" for axis in selection.axes}
     momentary = [
         f"{name}: {load:g} {units.get(name, '')}".strip() for name, load in dict(conditions.momentary_loads).items()
     ]
     rows.append(("rare loads", "; ".join(momentary) or "none given"))
-    assumed = [f"{name} = {value:g}" for name, value in dict(conditions.assumed).items()]
+    assumed = [f"{name} = {value:g}" for name, value in dict(conditions.assume).items()]
     nothing = "nothing: what a product does not state stays unknown"
     rows.append(("assumed where not stated", "; ".join(assumed) or nothing))
     for number, choice in enumerate(selection.iterations):

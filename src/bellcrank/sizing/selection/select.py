@@ -200,7 +200,7 @@ def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
 
 def _completed(catalogue: Catalogue, conditions: Conditions) -> Catalogue:
     """The products with the assumed values where they state none."""
-    if not conditions.assumed:
+    if not conditions.assume:
         return catalogue
     return Catalogue(
         tuple(conditions.completed(row) for row in catalogue.motors),
@@ -211,7 +211,7 @@ def _completed(catalogue: Catalogue, conditions: Conditions) -> Catalogue:
 def _assumed_notes(catalogue: Catalogue, conditions: Conditions) -> list[str]:
     """A sentence for each assumed value, with the number of products that it is taken for."""
     notes = []
-    for name, value in dict(conditions.assumed).items():
+    for name, value in dict(conditions.assume).items():
         room, _, field = name.partition(".")
         rows = catalogue.motors if room == "motor" else catalogue.gears
         count = sum(field in dict(conditions.filled(row)) for row in rows)

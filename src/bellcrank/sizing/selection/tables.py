@@ -120,7 +120,7 @@ def selected_for(conditions: Conditions) -> list[tuple[str, str]]:
         rows.append(("life", f"{conditions.life:g} h"))
     if conditions.brake:
         rows.append(("brake", "required"))
-    rows += [(f"assumed {name}", f"{value:g}") for name, value in dict(conditions.assumed).items()]
+    rows += [(f"assumed {name}", f"{value:g}") for name, value in dict(conditions.assume).items()]
     return rows
 
 
