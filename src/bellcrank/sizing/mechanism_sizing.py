@@ -34,7 +34,7 @@ from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
 from bellcrank.sizing.margins import PHRASES, continuous_use, margins, unknown_margins
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
-from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
+from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
 from bellcrank.sizing.motor_loads import MotorLoads
 from bellcrank.sizing.result import Sizing, SizingInputs
 from bellcrank.sizing.shaft_sizing import MotorSizing
@@ -88,7 +88,8 @@ def size_mechanism(
             warnings.append(f"{what}: {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does")
     warnings += gear_notes(mechanism, joints, at_axes)
     warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(supplied, coupled)]
-    warnings += interpolation_warnings(joints)
+    undetermined = tuple(dict.fromkeys(text for peaks in each for text in peaks.undetermined))
+    warnings += undetermined
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
         warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
@@ -110,6 +111,7 @@ def size_mechanism(
         allowed_massless=tuple(massless.allowed),
         motors=motors,
         structure=worst_loads([peaks.structure for peaks in each]),
+        undetermined=undetermined,
     )
 
 

@@ -62,6 +62,8 @@ class Sizing(Portable):
         motors: The sizing of each motor of a coupled transmission that has an actuator.
         structure: The largest force and moment in each constraint and joint without a motor of a closed linkage, such
             as those at the ends of rods.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine: another
+            sampling changes them by more than 2 %, and the verdict is not known.
 
     Example:
         >>> import bellcrank as bc
@@ -87,10 +89,13 @@ class Sizing(Portable):
     allowed_massless: tuple[str, ...] = ()
     motors: tuple[MotorSizing, ...] = ()
     structure: tuple[StructureLoad, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"
         verdict = f"{len(self.exceeded)} limits exceeded" if self.exceeded else inside
+        if self.undetermined and not self.exceeded:
+            verdict = "not known"
         if self.unsizable:
             verdict = f"{len(self.unsizable)} joints cannot be sized, {verdict}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {verdict})"
@@ -286,8 +291,10 @@ class Sizing(Portable):
 
     @property
     def inside(self) -> bool:
-        """Whether every joint can be sized and every given limit is kept, as far as limits are known (`unknown`)."""
-        return not self.exceeded and not self.unsizable
+        """Whether every joint can be sized, its peaks are determined, and every given limit is kept, as far as limits
+        are known (`unknown`).
+        """
+        return not self.exceeded and not self.unsizable and not self.undetermined
 
 
 def sizing_inputs(sizing: Sizing) -> SizingInputs:

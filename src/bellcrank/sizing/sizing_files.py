@@ -153,6 +153,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "exceeded": list(sizing.exceeded),
         **({"unknown": list(sizing.unknown)} if sizing.unknown else {}),
         "cannot_be_sized": list(sizing.unsizable),
+        **({"undetermined": list(sizing.undetermined)} if sizing.undetermined else {}),
         "urdf_errors": list(sizing.urdf_errors),
         "joints_allowed_without_mass": list(sizing.allowed_massless),
         "warnings": list(sizing.warnings),

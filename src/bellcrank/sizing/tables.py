@@ -68,6 +68,9 @@ def verdict(sizing: Sizing) -> str:
     if sizing.exceeded:
         count = len(sizing.exceeded)
         lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
+    if sizing.undetermined:
+        lines.append("Not known: peaks that the rows of a motion do not determine")
+        lines += [f"  - {text}" for text in sizing.undetermined]
     if sizing.inside:
         lines.append(_kept(sizing))
     if sizing.unknown:
