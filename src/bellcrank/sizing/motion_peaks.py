@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks, force_times
+from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled_motion import with_every_other_row
@@ -79,7 +79,7 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
         largest |= most
     peaks = {name: _peaks(motion, found, -1.0 if name in LOWEST else 1.0) for name, found in largest.items()}
     [supply], [regeneration] = peaks.pop("supply"), peaks.pop("regeneration")
-    peaks["sampled_torque"] = _peaks_at_rows(loads, motion)
+    peaks["sampled_torque"] = _peaks_at_rows(motion, grid, np.maximum(values["max_torque"], values["min_torque"]))
     joints = tuple(JointPeaks(**{name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
     cycles, structure = _cycles(loads, motion, grid, values), structure_loads(mechanism, motion, grid)
     doubts = _undetermined(loads, motion, grid, joints)
@@ -105,15 +105,12 @@ def _peaks(motion: Motion, found: Maxima, sign: float) -> list[Peak]:
     ]
 
 
-def _peaks_at_rows(loads: JointLoads, motion: Motion) -> list[Peak]:
-    """The largest |torque| of each joint at the rows of a motion."""
-    low, high = loads.torque_range(
-        force_times(motion.time, motion.time[-1]), motion.position, motion.velocity, motion.acceleration
-    )
-    torque = np.maximum(np.abs(low), np.abs(high))
-    rows = torque.argmax(axis=0)
+def _peaks_at_rows(motion: Motion, grid: Grid, torque: Array) -> list[Peak]:
+    """The largest |torque| (n, k) of each joint at those points of the grid that are rows of the motion."""
+    at_rows = np.flatnonzero(np.isin(grid.time, motion.time))
+    rows = at_rows[torque[at_rows].argmax(axis=0)]
     return [
-        Peak(float(torque[row, k]), float(motion.time[row]), motion.name, tuple(map(float, motion.position[row])))
+        Peak(float(torque[row, k]), float(grid.time[row]), motion.name, tuple(map(float, grid.position[row])))
         for k, row in enumerate(rows.tolist())
     ]
 

@@ -14,9 +14,8 @@ from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.coupled_axes import axis_coordinates
+from bellcrank.sizing.coupled_axes import axis_coordinates, of_axes
 from bellcrank.sizing.finite_checks import refuse_non_finite
-from bellcrank.sizing.motion_grid import STILL
 from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
@@ -158,7 +157,7 @@ def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> Lo
     positions, columns = [joint.q for joint in motors], [joint.v for joint in motors]
 
     def along(values: Sequence[Array]) -> Array:
-        return np.concatenate(values) @ coordinates.T
+        return of_axes(coordinates, np.concatenate(values))
 
     states = [part.states for part in plan.parts]
     return LoadCycle(
@@ -170,18 +169,13 @@ def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> Lo
         sequence=tuple((int(edges[number]), int(edges[number + 1]), count) for number, count in plan.order),
         torque=samples.torque,
         static_torque=samples.static_torque,
-        speed=_without_noise(along([each.velocity[:, columns] for each in states])),
+        speed=along([each.velocity[:, columns] for each in states]),
         acceleration=along([each.acceleration[:, columns] for each in states]),
         position=along([each.position[:, positions] for each in states]),
         axial_force=np.abs(samples.axial_force),
         tilting_moment=np.linalg.norm(samples.moment, axis=-1),
         inertia=samples.inertia,
     )
-
-
-def _without_noise(speed: Array) -> Array:
-    """Speeds, those whose sign is rounding set to 0: a joint that rests is held, and gives no power back."""
-    return np.where(np.abs(speed) > STILL, speed, 0.0)
 
 
 def _starts(plan: PlannedCycle) -> list[float]:

@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.shaft_load import motoring
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
 from bellcrank.sizing.selection.sample_blocks import Blocks
 
 Array = NDArray[np.float64]
-STANDSTILL = (
-    1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
-)
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
 
 
@@ -194,7 +192,7 @@ class ReducedCycle:
         They are the samples where the motor drives (τ q̇ >= 0, standstill included) and τ q̈ >= 0; torques are those of
         the load, before any gear. See `shaft_loads.least_coefficients`.
         """
-        aligned = (self.torque * self.speed >= 0.0) & (self.torque * self.features[:, ACCELERATION] >= 0.0)
+        aligned = motoring(self.torque, self.speed) & (self.torque * self.features[:, ACCELERATION] >= 0.0)
         features = self.features * aligned[:, None]
         features[:, DRIVING] = np.where(aligned, self.torque, 0.0)
         features[:, DRIVEN] = 0.0
@@ -214,7 +212,7 @@ class ReducedCycle:
     def through(self, train: PowerTrains) -> ReducedCycle:
         """The same cycle with the torques at the input of one gear (its efficiency over load), times its ratio."""
         torque = train.gear_torque(self.torque, self.speed) * train.gears.ratio
-        driven = self.torque * self.speed < 0.0
+        driven = ~motoring(self.torque, self.speed)
         features = self.features.copy()
         features[:, DRIVING] = np.where(driven, 0.0, torque)
         features[:, DRIVEN] = np.where(driven, torque, 0.0)
@@ -265,8 +263,7 @@ def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> Reduc
     """
     torque = np.ascontiguousarray(cycle.torque[:, number])
     speed = cycle.speed[:, number]
-    speed = np.where(np.abs(speed) <= STANDSTILL, 0.0, speed)
-    drives = torque * speed >= 0.0
+    drives = motoring(torque, speed)
     columns = (
         np.where(drives, torque, 0.0),
         np.where(drives, 0.0, torque),
