@@ -25,7 +25,7 @@ from typing import Any
 
 MEMORY = 4 * 2**30  # bytes of addresses
 START = 60.0  # s that the child may take until it begins
-SECONDS = float(os.environ.get("BELLCRANK_FUZZ_SECONDS", "30"))  # of wall time a case; most take 0.05 s
+SECONDS = float(os.environ.get("BELLCRANK_FUZZ_SECONDS", "300"))  # of wall time a case on a busy machine; most take 0.05 s
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ def _knows_what_is_given(cls: type[T]) -> type[T]:
         init(self, **given)
         stated = given.get("sources")  # `dataclasses.replace` passes every field, and so the sources too
         names = [name for name in given if name != "sources"] if stated is None else _changed(self)
-        every = dict.fromkeys(_entries(self, names), GIVEN) | dict(stated or {})
-        object.__setattr__(self, "sources", {name: every[name] for name in _entries(self) if name in every})
+        every = dict.fromkeys(entries(self, names), GIVEN) | dict(stated or {})
+        object.__setattr__(self, "sources", {name: every[name] for name in entries(self) if name in every})
 
     cls.__init__ = noting  # type: ignore[method-assign]
     return cls
@@ -233,7 +233,7 @@ def _mapping(given: Mapping[str, Any]) -> dict[str, Any]:
     return stated
 
 
-def _entries(conditions: Conditions, names: Iterable[str] | None = None) -> list[str]:
+def entries(conditions: Conditions, names: Iterable[str] | None = None) -> list[str]:
     """The names that `sources` may have, in the order of the fields; only those of some fields."""
     found: list[str] = []
     for entry in fields(conditions):

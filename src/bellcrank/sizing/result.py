@@ -15,6 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.joint_sizing import JointSizing, Peak
+from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
 from bellcrank.sizing.structure_loads import StructureLoad
 
@@ -64,6 +65,8 @@ class Sizing(Portable):
             as those at the ends of rods.
         undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine: another
             sampling changes them by more than 2 %, and the verdict is not known.
+        system: The criteria of all axes together, supply power and regenerated energy; none unless every motor is given
+            by an actuator, and a limit of theirs or the motors' own figures are stated.
 
     Example:
         >>> import bellcrank as bc
@@ -90,6 +93,7 @@ class Sizing(Portable):
     motors: tuple[MotorSizing, ...] = ()
     structure: tuple[StructureLoad, ...] = ()
     undetermined: tuple[str, ...] = ()
+    system: tuple[CriterionResult, ...] = ()
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"
@@ -278,15 +282,25 @@ class Sizing(Portable):
     @property
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is exceeded."""
-        return tuple(text for joint in self.joints for text in joint.exceeded) + tuple(
-            text for motor in self.motors for text in motor.exceeded
-        )
+        found = [text for joint in self.joints for text in joint.exceeded]
+        found += [text for motor in self.motors for text in motor.exceeded]
+        found += [f"all axes together: {one.name}: {one.text}" for one in self.system if one.verdict == "exceeded"]
+        return tuple(found)
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """A sentence for each limit of an actuator that could not be compared, because a figure is not stated."""
         return tuple(text for joint in self.joints for text in joint.unknown) + tuple(
             text for motor in self.motors for text in motor.unknown
+        )
+
+    @property
+    def not_verified(self) -> tuple[str, ...]:
+        """A sentence for each actuator of which a main criterion is unknown: it may be far too weak or too slow."""
+        return tuple(
+            f"{name}: {', '.join(one.name for one in shaft.judged.main_unknown)} unknown"
+            for name, shaft in self.shafts
+            if shaft.judged.main_unknown
         )
 
     @property

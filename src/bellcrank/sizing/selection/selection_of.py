@@ -31,7 +31,7 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         objective=problem.objective,
         axes=axes,
         cycles=problem.cycles(masses),
-        conditions=problem.conditions,
+        conditions=problem.common,
         system=system_results(problem, chosen.choice),
         iterations=tuple(labels(problem, choice) for choice in chosen.passes),
         proof=chosen.proof,
