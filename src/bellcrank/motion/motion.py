@@ -14,7 +14,7 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.motion.closed_form import ClosedForm, Side, States, covering
+from bellcrank.motion.closed_form import NEXT, ClosedForm, Side, States, covering
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.magnitude_limits import check_size, check_times
@@ -105,7 +105,9 @@ class Motion(Portable):
         object.__setattr__(self, "forms", tuple(form for form in forms if self._agrees(form)))
 
     def _agrees(self, form: ClosedForm) -> bool:
-        rows = slice(*np.searchsorted(self.time, (form.begin, np.nextafter(form.end, np.inf))))
+        slack = NEXT * max(abs(form.begin), abs(form.end))  # at its ends, rows of a jump belong to other stretches too
+        first = int(np.searchsorted(self.time, form.begin + slack, side="right")) - 1
+        rows = slice(max(first, 0), int(np.searchsorted(self.time, form.end - slack)) + 1)
         return form.holds(self.time[rows], (self.position[rows], self.velocity[rows], self.acceleration[rows]))
 
     def _check_time(self) -> None:
