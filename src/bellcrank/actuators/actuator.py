@@ -357,6 +357,12 @@ class Actuator:
         points = self.curve_points
         return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
 
+    def limit_uses(self, torque: Array, speed: Array) -> Array:
+        """The share (m, n) of each of m known limits of torque over speed, at shaft torques (n,), N m, and speeds (n,),
+        rad/s.
+        """
+        return self.curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
+
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The share of the torque-speed curve that is used, along the ray from the origin.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from bellcrank.actuators.conditions import BY_NAME, RANGES, Conditions
 from bellcrank.actuators.product_fields import product_number
-from bellcrank.actuators.row_checks import POSITIVE
+from bellcrank.actuators.row_checks import POSITIVE, Range
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ UNITS: Final = {  # of the fields that are numbers
     "brake_resistor_power": "W",
     "supply_power": "W",
 }
+DEFAULTS: Final = Conditions()
 KEYS: Final = (*UNITS, "brake", "momentary_loads", "assume")
 OF_AN_AXIS: Final = (  # the axes share one bus with its supply; momentary loads have the names of the axes already
     "voltage", "voltage_reserve", "winding_temperature", "ambient", "altitude", "safety_factor", "life", "brake",
@@ -47,7 +48,7 @@ def condition_data(
     conditions: Conditions, common: Conditions | None = None, keys: Collection[str] = KEYS
 ) -> dict[str, Any]:
     """The conditions as a mapping of a YAML file, without what `common`, by default the defaults, says alike."""
-    common = Conditions() if common is None else common
+    common = DEFAULTS if common is None else common
     data: dict[str, Any] = {}
     for name in keys:
         value, other = getattr(conditions, name), getattr(common, name)
@@ -57,6 +58,14 @@ def condition_data(
         if value != other:
             data[name] = value
     return data
+
+
+def _bounds(limits: Range) -> dict[str, Any]:
+    """The bounds that `Fields.number` knows; `Conditions` refuses what is beyond others."""
+    bounds: dict[str, Any] = {"maximum": limits.most} if limits.most < POSITIVE.most else {}
+    return bounds | (
+        {"positive": True} if limits.above == 0.0 else {"nonnegative": True} if limits.least == 0.0 else {}
+    )
 
 
 def _value(fields: Fields, name: str) -> Any:
@@ -71,10 +80,7 @@ def _value(fields: Fields, name: str) -> Any:
         own = fields.mapping(name)
         value = {entry: own.number(entry, "N m or N", nonnegative=True) for entry in own}
     else:
-        limits = RANGES.get(name, POSITIVE)
-        value = fields.number(
-            name, UNITS[name], positive=limits.above == 0.0, nonnegative=limits.least == 0.0, maximum=limits.most
-        )
+        value = fields.number(name, UNITS[name], getattr(DEFAULTS, name), **_bounds(RANGES.get(name, POSITIVE)))
     try:
         Conditions(**{name: value})
     except InputError as error:

@@ -204,6 +204,10 @@ class MotorWithGear(Actuator):
         found = self._region.highest_torque(np.abs(speed))
         return np.full(speed.shape, np.nan) if self.unknown_limits else found
 
+    def limit_uses(self, torque: Array, speed: Array) -> Array:
+        """The share (m, n) of each of m known limits, at shaft torques (n,), N m, and speeds (n,), rad/s."""
+        return self._region.uses(torque, speed)
+
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The largest share of those limits of torque over speed that are known.
 

@@ -25,9 +25,10 @@ def chosen():
     return selection()
 
 
-def first_detail(chosen, motor, gear, **changes):
+def first_detail(chosen, motor, gear, conditions=None, **changes):
     """The detail of a pair on the first axis."""
-    return pair_detail(dataclasses.replace(chosen, **changes), chosen.axes[0], candidate(motor, gear, 0.5))
+    axis = chosen.axes[0] if conditions is None else dataclasses.replace(chosen.axes[0], conditions=conditions)
+    return pair_detail(dataclasses.replace(chosen, **changes), axis, candidate(motor, gear, 0.5))
 
 
 # ---- curves

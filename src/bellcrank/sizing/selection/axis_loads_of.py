@@ -128,11 +128,10 @@ def _shafts(drives: Mapping[int, Actuator], coordinates: Array) -> Shafts | None
         axes = torque @ force, speed @ coordinates.T, acceleration @ coordinates.T
         shaft = np.stack([one.shaft_torque(*(each[:, k] for each in axes)) for k, one in drives.items()], axis=1)
         uses = [
-            one.curve_use(one.safety_factor * shaft[:, place], one.ratio * axes[1][:, k])
+            one.limit_uses(one.safety_factor * shaft[:, place], one.ratio * axes[1][:, k])
             for place, (k, one) in enumerate(drives.items())
-            if one.has_limits
         ]
-        return {"shaft": np.abs(shaft)} | ({"limits": np.stack(uses, axis=1)} if uses else {})
+        return {"shaft": np.abs(shaft), "limits": np.concatenate(uses).T}
 
     return found
 

@@ -209,8 +209,9 @@ def _kept_drives(
     motors, gears = ({row.id: row for row in rows} for rows in (products.motors, products.gears))
     found: dict[str, Actuator] = {}
     for axis, ids in kept.items():
-        motor, _, gear = (part.strip() for part in ids.partition("+"))
-        if motor in motors and (gear in gears or gear == DIRECT.id):
+        motor, plus, gear = (part.strip() for part in ids.partition("+"))
+        whole = motor in motors and not plus and motors[motor].kind == "actuator"
+        if whole or (motor in motors and (gear in gears or gear == DIRECT.id)):
             found[axis] = Actuator.of(motors[motor], gears.get(gear), conditions(axis))
     return found
 
