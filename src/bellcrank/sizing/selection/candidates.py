@@ -49,14 +49,13 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
     rows = listed_rows(problem, axis, chosen, masses, most)
     unknown = problem.unknown_masses(axis, masses)
     judgement = completed(problem.judgement(axis, masses, rows))
-    under = JudgedUnder(judgement.loads, judgement.conditions, tuple(unknown))
+    under = JudgedUnder(judgement.loads, problem.conditions, tuple(unknown))
     made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
     return AxisSelection(
         axis=problem.axes[axis].axis,
-        conditions=judgement.conditions,
         chosen=None if chosen is None else made[rows.tolist().index(chosen)],
         candidates=tuple(made),
-        counts=TierCounts(problem.axes[axis].pairs, judgement.loads, judgement.conditions, bool(unknown)),
+        counts=TierCounts(problem.axes[axis].pairs, judgement.loads, problem.conditions, bool(unknown)),
         unknown_masses=tuple(unknown),
         kept=problem.kept[axis],
     )

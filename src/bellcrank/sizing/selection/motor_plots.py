@@ -54,15 +54,15 @@ def motors_figure(selection: Selection) -> Figure:
 
 
 def actuator_of(selection: Selection, one: AxisSelection) -> MotorWithGear:
-    """The actuator that was chosen for an axis, under the conditions of the axis."""
+    """The actuator that was chosen for an axis, under the selection's conditions."""
     assert one.chosen is not None
-    return Actuator.of(one.chosen.motor, one.chosen.gear, one.conditions)
+    return Actuator.of(one.chosen.motor, one.chosen.gear, selection.conditions)
 
 
 def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None:
     """One axis's plane."""
     actuator = actuator_of(selection, one)
-    factor = one.conditions.safety_factor
+    factor = selection.conditions.safety_factor
     reach = np.zeros(2)
     for number, cycle in enumerate(selection.cycles):
         load = factor * cycle.torque[:, k]

@@ -109,7 +109,7 @@ def pair_details(selection: Selection, axis: AxisSelection, candidates: Sequence
     """
     if not candidates:
         return ()
-    conditions = axis.conditions
+    conditions = selection.conditions
     motors = [conditions.completed(one.motor) for one in candidates]
     gears = [conditions.completed(one.gear) for one in candidates]
     trains, left_out = _ideal_where_unknown(motors, gears)

@@ -98,7 +98,6 @@ class AxisSelection:
 
     Attributes:
         axis: The axis.
-        conditions: What was assumed of this axis; `sources` says where it comes from.
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
         candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
             axes; where few pass, the failing ones nearest to the limits come last.
@@ -116,7 +115,6 @@ class AxisSelection:
     advice: str = ""
     unknown_masses: tuple[str, ...] = ()
     kept: bool = False
-    conditions: Conditions = field(default_factory=Conditions)
 
 
 class ParetoPoint(NamedTuple):
@@ -159,7 +157,7 @@ class Selection(Portable):
         objective: What was minimised: "mass", "cost", "loss"; "margin": the largest utilisation.
         axes: The selection of each axis.
         cycles: The load cycles with the chosen actuators' masses.
-        conditions: What was assumed of the whole robot; `axes` have their own.
+        conditions: What was assumed.
         system: Criteria of all axes together: supply power, regenerated energy.
         iterations: What each pass of the feedback of masses chose: the ids of the pairs by axis, "" for none. The first
             pass is without the actuators' masses.

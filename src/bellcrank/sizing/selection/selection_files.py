@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.actuators.conditions import BY_NAME, Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_fields import product_data
@@ -80,6 +79,7 @@ def csv_text(selection: Selection) -> str:
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
     """The text of selection.json: the whole selection in SI units, with null for what is unknown."""
+    conditions = {**vars(selection.conditions), "assumed": dict(selection.conditions.assumed)}
     document = {
         "robot": selection.robot,
         "objective": selection.objective,
@@ -90,7 +90,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "loss": selection.loss,
         "cost": selection.cost,
         "warnings": list(selection.warnings),
-        "conditions": _conditions(selection.conditions),
+        "conditions": conditions,
         "units": UNITS,
         "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],
         "axes": [_axis(selection, one) for one in selection.axes],
@@ -101,11 +101,6 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "pareto_proof": selection.pareto_proof,
     }
     return json_files.json_text(document)
-
-
-def _conditions(conditions: Conditions) -> dict[str, Any]:
-    """All conditions, and where those that are stated come from."""
-    return {**vars(conditions), **{name: dict(getattr(conditions, name)) for name in (*BY_NAME, "sources")}}
 
 
 def _criterion_names(selection: Selection) -> list[str]:
@@ -159,7 +154,6 @@ def _axis(selection: Selection, one: AxisSelection) -> dict[str, Any]:
         "joints": list(one.axis.joints),
         "mount": one.axis.mount,
         "kept": one.kept,
-        "conditions": _conditions(one.conditions),
         "chosen": one.chosen and one.chosen.id,
         "counts": dict(one.counts),
         "advice": one.advice,
