@@ -174,6 +174,15 @@ def test_a_clockwise_circle_is_the_reverse(arm):
     assert back.velocity == pytest.approx(-there.velocity[::-1], abs=1e-13)
 
 
+def test_a_circle_about_the_worlds_x_begins_in_the_direction_of_y(ur5):
+    """The usual first direction, the world's x made normal to the axis, does not exist there."""
+    centre, radius = np.array([0.45, 0.1, 0.4]), 0.1
+    motion = circle(ur5, "ee_link", centre, radius, 2, start=UR5_START, normal=(2, 0, 0), samples=9)
+    angle = np.linspace(0.0, 2.0 * np.pi, 9)
+    expected = centre + radius * np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=1)
+    assert ur5.frame_pose("ee_link", motion.position)[0] == pytest.approx(expected, abs=1e-12)
+
+
 def test_a_tilted_planar_arm_moves_in_its_plane():
     """The plane need not be one of the world's."""
     robot = bellcrank.load_robot("planar_2r", floating_base=True)

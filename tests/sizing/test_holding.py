@@ -83,6 +83,17 @@ def test_a_sliding_joint_goes_to_its_end(tmp_path: Path) -> None:
     assert holding.notes == ()
 
 
+@pytest.mark.parametrize("tolerance", [0.0, 0.1])
+def test_passes_along_a_tree_take_a_sliding_joint_to_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tolerance: float
+) -> None:
+    robot = slider(tmp_path, "continuous", '<limit lower="-0.1" upper="0.8" effort="1" velocity="1"/>')
+    monkeypatch.setattr("bellcrank.sizing.holding_gravity.MANY", 0)  # as for trees of many joints
+    holding = gravity_holding_torques(robot, mass_tolerance=tolerance)
+    largest = 9.81 * np.array([3 * 0.2 + 2 * 0.8, 2]) * (1 + tolerance)
+    np.testing.assert_allclose(holding.torque, largest, rtol=1e-12)
+
+
 def test_a_sliding_joint_without_limits_is_held_at_zero_and_said_so(tmp_path: Path) -> None:
     holding = gravity_holding_torques(slider(tmp_path, "continuous", ""))
     np.testing.assert_allclose(holding.torque[0], 9.81 * 3 * 0.2, rtol=1e-12)

@@ -18,7 +18,7 @@ from bellcrank.actuators.row_checks import (
     torque_speed_curve,
 )
 
-MotorKind = Literal["motor", "frameless", "servo", "actuator"]
+MotorKind = Literal["motor", "frameless", "servo", "actuator", "ratings"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]
 RANGES = {  # of numbers that are not more than 0
     "nominal_speed": NOT_NEGATIVE,  # 0: the nominal torque is stated at standstill
@@ -47,7 +47,8 @@ class Motor:
         id: A name of its own in the catalogue.
         maker: The maker.
         model: The maker's name of the product.
-        kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), or "actuator" (with gear).
+        kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), "actuator" (with gear), or
+            "ratings": what is not stated is left to the user, and only what is stated is compared.
         part_number: The maker's order number.
         nominal_voltage: Of the DC bus that the figures hold for, V (an AC supply: its rectified amplitude).
         torque_constant: k_t, N m/A, on the basis named next.
@@ -215,6 +216,11 @@ class Motor:
         if self.pole_pairs is None or self.inductance is None or (self.kind == "actuator" and self.ratio is None):
             return None
         return self.pole_pairs * self.inductance * (self.ratio or 1.0 if self.kind == "actuator" else 1.0)
+
+    @property
+    def by_ratings(self) -> bool:
+        """Whether the motor is given by its ratings alone."""
+        return self.kind == "ratings"
 
     @property
     def power_rate(self) -> float | None:

@@ -44,6 +44,32 @@ class LimitCost:
     derivative: float
 
 
+@dataclass(frozen=True)
+class LimitExcess:
+    """By how much a motion exceeds a limit, where, and for how long.
+
+    Attributes:
+        limit: The limit that is exceeded most, or approached most closely, such as "motor torque of elbow (upper)".
+        share: By which share of it; negative within the limit.
+        time: When, s.
+        duration: For how long limits are exceeded by more than 1e-6 of them in all, s.
+
+    Example:
+        >>> from bellcrank.planning.fastest_motion import LimitExcess
+        >>> print(LimitExcess("torque of elbow (upper)", 0.02, 0.5, 1e-5))
+        torque of elbow (upper) by 2 % at 0.5 s, for 1e-05 s in all
+    """
+
+    limit: str
+    share: float
+    time: float
+    duration: float
+
+    def __str__(self) -> str:
+        lasts = f"for {self.duration:.2g} s in all" if self.duration > 0.0 else "for an instant"
+        return f"{self.limit} by {100.0 * self.share:.2g} % at {self.time:.6g} s, {lasts}"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestMotion:
     """The fastest motion of a mechanism along a path, from rest to rest.
@@ -61,6 +87,7 @@ class FastestMotion:
         costs: How much time each limit costs, the most active first.
         excess: The largest share by which the motion exceeds a limit, found by inverse dynamics at its rows and between
             them; negative where it reaches none.
+        worst: Which limit that is, when, and for how long limits are exceeded.
         refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
         warnings: What was not taken into account, and where optimality is not proved.
         mechanism: The mechanism, which a replay shows.
@@ -84,6 +111,7 @@ class FastestMotion:
     active: tuple[str, ...]
     costs: tuple[LimitCost, ...]
     excess: float
+    worst: LimitExcess
     refined: bool
     warnings: tuple[str, ...] = field(default=())
     mechanism: Mechanism | None = field(default=None, repr=False)
@@ -138,6 +166,12 @@ class FastestMotion:
             "duration": self.duration,
             "original_duration": original if np.isfinite(original) else None,
             "excess": self.excess,
+            "worst": {
+                "limit": self.worst.limit,
+                "share": self.worst.share,
+                "time": self.worst.time,
+                "duration": self.worst.duration,
+            },
             "refined": self.refined,
             "costs": [
                 {

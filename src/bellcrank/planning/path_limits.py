@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank._planner import LimitArrays
+from bellcrank._planner import LimitArrays, excess
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism
@@ -94,13 +94,36 @@ class PathLimits:
         norms = self._norms(q, v, a, still)
         return self._arrays(terms, v, a, self._fastest(q, v, norms), norms, slope=still)
 
-    def excess_of_curves(self, q: Array, v: Array, a: Array) -> Array:
+    def excess_of_motion(self, q: Array, v: Array, a: Array) -> Array:
         """The largest shares (n,) by which a motion of positions q, velocities v and accelerations a (n, nv) exceeds
-        limits of motors whose gears have a curve of efficiency, which the rows do not hold exactly; negative within.
+        limits, those of jerk apart; negative within.
         """
+        found = np.asarray(excess(self.of_motion(q, v, a), np.ones(len(q)), np.zeros(len(q))))
+        for _, speeds in self.speed_limits(q, v):
+            found = np.maximum(found, 1.0 / speeds - 1.0)
+        return np.asarray(np.maximum.reduce([found, *self._excess_of_curves(q, v, a).values()]))
+
+    def excess_by_limit(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+        """The shares (n,) of `excess_of_motion` for each limit, by its name."""
+        terms, still, found = self._torques.terms(q, v, a), np.zeros_like(v), dict[str, Array]()
+        terms = PathTerms(np.zeros_like(terms.a), terms.b, terms.d, terms.c, terms.w)
+        norms, free, count = self._norms(q, v, a, still), np.full(len(q), FASTEST), len(self._rows.rows)
+        for k, name in enumerate(self.names):
+            row, norm = slice(k, k + 1) if k < count else slice(0, 0), slice(max(0, k - count), max(0, k + 1 - count))
+            along, bend, across = (np.ascontiguousarray(x[:, norm]) for x in (norms.along, norms.bend, norms.across))
+            one = NormCoefficients(along, bend, across, norms.limit[norm])
+            arrays = self._arrays(terms, v, a, free, one, slope=still, only=row)
+            found[str(name)] = np.asarray(excess(arrays, np.ones(len(q)), np.zeros(len(q))))
+        for name, speeds in self.speed_limits(q, v):
+            found[str(name)] = 1.0 / speeds - 1.0
+        return found | self._excess_of_curves(q, v, a)
+
+    def _excess_of_curves(self, q: Array, v: Array, a: Array) -> dict[str, Array]:
+        """The shares of motors whose gears have a curve of efficiency, which the rows do not hold exactly."""
         if not self._motors.varying:
-            return np.full(len(q), -np.inf)
-        return self._motors.excess_of_curves(self._torques.exact(np.zeros(len(q)), q, v, a), v, a)
+            return {}
+        shares = self._motors.excess_of_curves(self._torques.exact(np.zeros(len(q)), q, v, a), v, a)
+        return {f"motor torque of {joint}": share for joint, share in shares.items()}
 
     def check_states(self, q: Array, first: Array, second: Array) -> None:
         """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
@@ -199,6 +222,7 @@ class PathLimits:
         *,
         slope: Array | None = None,
         directions: Array | None = None,
+        only: slice = slice(None),
     ) -> LimitArrays:
         rows, torques = self._rows, self._torques
         own = terms.of_quantities(rows.quantities, first if slope is None else slope, second)
@@ -221,7 +245,7 @@ class PathLimits:
             across=norms.across,
             norm=norms.limit,
             creep=self.creep if any(row[1] >= 0 for row in rows.rows) else 0.0,
-            rows=list(rows.rows),
+            rows=list(rows.rows[only]),
             curves=list(rows.curves),
         )
 

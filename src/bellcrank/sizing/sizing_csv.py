@@ -91,9 +91,10 @@ def _csv_shaft(shaft: ShaftSizing | None) -> dict[str, Any]:
         "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
         "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
     }
-    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
-        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
-    return row | {"shaft verdict": shaft and shaft.state}
+    for name in ("peak torque", "continuous torque", "motor speed"):
+        row[f"{name} margin [1]"] = shaft and shaft.margins.get(name)
+    tightest = {"tightest margin [1]": shaft and shaft.tightest_margin, "tightest criterion": shaft and shaft.tightest}
+    return row | tightest | {"shaft verdict": shaft and shaft.state}
 
 
 def _csv_cells(row: dict[str, Any]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def problem(seed: int, missing: float, objective: str = "mass") -> JudgedAxes:
     catalogue = Catalogue(tuple(random_motors(60, seed, missing)), tuple(random_gears(15, seed, missing)))
     axes, cycles = random_cycles(AXES, seed)
     loads = AxisLoads(axes=axes, cycles=cycles, influence=np.zeros((AXES, AXES), dtype=bool), terms=())
-    return JudgedAxes(loads, axis_pairs(axes, catalogue, {}), CONDITIONS, objective)
+    return JudgedAxes(loads, axis_pairs(axes, [catalogue] * AXES, {}), [CONDITIONS] * AXES, CONDITIONS, objective)
 
 
 @pytest.mark.parametrize("objective", ["mass", "margin"])

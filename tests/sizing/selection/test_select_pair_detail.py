@@ -25,9 +25,10 @@ def chosen():
     return selection()
 
 
-def first_detail(chosen, motor, gear, **changes):
+def first_detail(chosen, motor, gear, conditions=None, **changes):
     """The detail of a pair on the first axis."""
-    return pair_detail(dataclasses.replace(chosen, **changes), chosen.axes[0], candidate(motor, gear, 0.5))
+    axis = chosen.axes[0] if conditions is None else dataclasses.replace(chosen.axes[0], conditions=conditions)
+    return pair_detail(dataclasses.replace(chosen, **changes), axis, candidate(motor, gear, 0.5))
 
 
 # ---- curves
@@ -77,7 +78,7 @@ def test_the_continuous_curve_ends_where_it_is_unknown_and_is_derated():
 
 def test_assumed_values_fill_what_a_motor_does_not_state():
     motor = Motor(id="m", maker="", model="", peak_torque=4.0)
-    assert motor_curves(motor, Conditions(assumed={"motor.max_speed": 100.0})).short_time[-1, 0] == 100.0
+    assert motor_curves(motor, Conditions(assume={"motor.max_speed": 100.0})).short_time[-1, 0] == 100.0
 
 
 def test_points_on_straight_lines_are_left_out_and_no_others():
@@ -115,7 +116,7 @@ def test_an_unknown_efficiency_and_inertia_are_left_out_and_named(chosen):
     np.testing.assert_allclose(seen.torque, ideal, rtol=1e-12, atol=1e-12)
     assert seen.rms_torque is None and seen.temperature is None and not seen.runaway
     assert detail.temperature_text == "Unknown: not stated: gear efficiency, gear inertia."
-    conditions = Conditions(assumed={"gear.efficiency": 0.7, "gear.inertia": 1e-5})
+    conditions = Conditions(assume={"gear.efficiency": 0.7, "gear.inertia": 1e-5})
     known = first_detail(chosen, FULL, SILENT, conditions=conditions)
     assert known.shaft.left_out == () and known.cycles[0].rms_torque is not None
 

@@ -33,7 +33,7 @@ from bellcrank.sizing.selection.selection_files import (
 from bellcrank.sizing.selection.tables import WIDTH, selection_html, table, verdict
 from bellcrank.sizing.size import size
 
-CONDITIONS = Conditions(safety_factor=1.1, assumed={"gear.efficiency": 0.6})
+CONDITIONS = Conditions(safety_factor=1.1, assume={"gear.efficiency": 0.6})
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_the_json_is_whole_finite_and_in_si_units(arm: Selection, failing: Selec
         assert [one["name"] for one in document["axes"]] == [one.axis.name for one in each.axes]
         assert [one["chosen"] for one in document["axes"]] == [one.chosen and one.chosen.id for one in each.axes]
     document = json.loads(json_text(arm))
-    assert document["conditions"]["assumed"] == {"gear.efficiency": 0.6} and document["mass"] == arm.mass
+    assert document["conditions"]["assume"] == {"gear.efficiency": 0.6} and document["mass"] == arm.mass
     [cycle] = document["cycles"]
     shoulder = cycle["axes"][0]
     held = arm.cycles[0]
@@ -227,7 +227,7 @@ def test_the_written_file_keeps_the_original_and_names_sources(arm: Selection, w
         assert one.chosen is not None
         actuator = after.actuators[one.axis.name]
         assert isinstance(actuator, MotorWithGear) and (actuator.motor, actuator.gear) == arm.stated(one.chosen)
-        assert actuator.conditions.assumed == (("gear.efficiency", 0.6),)
+        assert actuator.conditions.assume == (("gear.efficiency", 0.6),)
 
 
 def test_simulate_and_replay_open_the_written_file(arm: Selection, written: Path, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         objective=problem.objective,
         axes=axes,
         cycles=problem.cycles(masses),
-        conditions=problem.conditions,
+        conditions=problem.common,
         system=system_results(problem, chosen.choice),
         iterations=tuple(labels(problem, choice) for choice in chosen.passes),
         proof=chosen.proof,
@@ -70,7 +70,7 @@ def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[st
         notes.append(
             f"the masses of the actuators at {_names(unknown)} are not stated, so the loads of {_names(loaded)} are "
             "not known: criteria that depend on them are unknown, or exceeded without these masses already; "
-            "exclude products without a mass, assume a mass (conditions.assumed), or, where the URDF contains the "
+            "exclude products without a mass, assume a mass (conditions.assume), or, where the URDF contains the "
             "actuators' masses, switch the feedback off"
         )
     points = []
