@@ -43,6 +43,7 @@ class PathTiming:
         fastest: The largest speeds (n,) from which the end can still be reached within the limits.
         active: The row of the limit that is active in each cell (n - 1,); -1 where there is none, -2 a limit of speed.
         kind: What the motion does in each cell (n - 1,), an index into `KINDS`.
+        unproved: The places (n,) at which a set of allowed accelerations has a hole.
     """
 
     s: Array
@@ -52,6 +53,7 @@ class PathTiming:
     fastest: Array
     active: NDArray[np.int32]
     kind: NDArray[np.int32]
+    unproved: NDArray[np.bool_]
 
     @property
     def durations(self) -> Array:
@@ -178,6 +180,7 @@ def _timing(s: Array, found: dict[str, Any]) -> PathTiming:
         fastest=found["fastest"],
         active=found["active"],
         kind=found["kind"],
+        unproved=found["gap"].astype(np.bool_),
     )
 
 

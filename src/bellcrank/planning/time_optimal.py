@@ -137,7 +137,7 @@ def time_optimal(
         actuators=bounds.actuators,
         warnings=(
             *subject.notes,
-            *_warnings(bounds, original, paths, motion),
+            *_warnings(bounds, original, paths, timings, motion),
             *coarse_parts,
             *_excess_warnings(worst, parts, grid is None),
         ),
@@ -237,6 +237,7 @@ def _warnings(
     bounds: PathLimits,
     original: Motion | None,
     paths: Sequence[JointPath],
+    timings: Sequence[PathTiming | JerkTiming],
     motion: Motion,
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
@@ -256,6 +257,13 @@ def _warnings(
     if bounds.jerk_groups:
         found.append("limits of jerk make the problem non-convex: the motion is a local optimum, and a faster one may "
                      "exist")  # fmt: skip
+    for path, timing in zip(paths, timings, strict=True):
+        if isinstance(timing, PathTiming) and timing.unproved.any():
+            place = 100.0 * float(timing.s[int(np.argmax(timing.unproved))]) / path.length
+            found.append(
+                f"at {place:.4g} % of the path friction or efficiency splits the allowed accelerations in two; a "
+                "faster motion may exist"
+            )
     found += limit_notes(bounds.mechanism.robot, motion.name, motion.time, motion.position)
     return tuple(dict.fromkeys(found))
 
