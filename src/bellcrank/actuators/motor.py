@@ -32,6 +32,7 @@ RANGES = {  # of numbers that are not more than 0
     "max_housing_temperature": TEMPERATURE,
     "reference_temperature": TEMPERATURE,
 }
+OF_RATINGS = RANGES | {"rotor_inertia": NOT_NEGATIVE}  # ratings may say that the rotor's inertia does not count
 UNSTATED_REFERENCE = 25.0  # °C, of figures without one: the lower, and so the safer, of the usual ones (25 and 40)
 _TO_DC = {"dc": 1.0, "phase_rms": math.sqrt(2.0 / 3.0), "phase_peak": 2.0 / math.sqrt(3.0)}
 
@@ -170,7 +171,7 @@ class Motor:
         arguments.text("id", self.id, "a name of the row", where="a motor")
         where = f"motor '{self.id}'"
         check_texts(self, where, {"kind": get_args(MotorKind), "torque_constant_basis": get_args(TorqueConstantBasis)})
-        check_numbers(self, where, RANGES)
+        check_numbers(self, where, OF_RATINGS if self.by_ratings else RANGES)
         for name in ("continuous_curve", "peak_curve"):
             object.__setattr__(self, name, torque_speed_curve(name, getattr(self, name), where))
         if self.pole_pairs is not None and self.pole_pairs != round(self.pole_pairs):
