@@ -60,7 +60,7 @@ def test_pendulum_with_a_gear_by_hand() -> None:
     assert held.holding_torque == pytest.approx(9.81, rel=1e-12)
     assert held.shaft.peak_speed.value == 0.0
     assert held.shaft.margins["peak torque"] == pytest.approx(1 - 0.24525 / 0.95, rel=1e-9)
-    assert held.shaft.margins["rated torque"] == pytest.approx(1 - 0.24525 / 0.32, rel=1e-9)
+    assert held.shaft.margins["continuous torque"] == pytest.approx(1 - 0.24525 / 0.32, rel=1e-9)
     # The same load without the actuator's rotor in the robot gives the same figures.
     bare = load_robot("geared_pendulum")
     row = np.array([[np.pi / 2]] * 2), np.full((2, 1), 0.0), np.full((2, 1), 0.0)

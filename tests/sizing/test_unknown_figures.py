@@ -38,6 +38,8 @@ GEAR = Gear(
     max_speed=500.0, average_speed=300.0, repeated_peak_torque=40.0, average_torque=20.0,
     life_exponent=3.0,
 )  # fmt: skip
+OF_GEAR_SPEED = {"gear largest input speed", "gear average input speed"}
+OF_GEAR_TORQUE = {"gear repeated peak torque", "gear average torque"}
 OF_SHAFT = {"continuous torque", "peak torque", "voltage limit", "peak duration", "winding temperature"}
 
 
@@ -69,8 +71,8 @@ def test_a_complete_motor_is_judged_as_ratings_are() -> None:
         ({}, {"efficiency": None}, OF_SHAFT, "the gear's efficiency"),
         ({"rotor_inertia": None}, {}, OF_SHAFT, "the motor's rotor inertia"),
         ({}, {"inertia": None}, OF_SHAFT, "the gear's inertia"),
-        ({}, {"max_speed": None}, {"gear largest input speed"}, "the gear's max speed"),
-        ({}, {"repeated_peak_torque": None}, {"gear repeated peak torque"}, "the gear's repeated peak torque"),
+        ({}, {"max_speed": None, "average_speed": None}, OF_GEAR_SPEED, "speed"),
+        ({}, {"repeated_peak_torque": None, "average_torque": None}, OF_GEAR_TORQUE, "torque"),
         ({"max_speed": None, "nominal_speed": None}, {}, {"motor speed"}, "the motor's max speed"),
         ({"peak_torque": None, "nominal_torque": 0.2}, {}, {"peak torque"}, "the motor's peak torque"),
         ({"resistance": None}, {}, {"voltage limit", "winding temperature"}, "the motor's resistance"),
@@ -95,7 +97,7 @@ def test_an_unknown_figure_is_said_everywhere(
     assert {name for name, margin in margins.items() if margin is None} == unknown
     [row] = csv.DictReader(csv_text(sizing).splitlines())
     assert row["shaft verdict"] == state
-    assert all((row[f"shaft {name} margin [1]"] == "") == (name in unknown) for name in margins)
+    assert all((row[f"{name} margin [1]"] == "") == (name in unknown) for name in margins)
     assert all("nan" not in path.read_text() for path in write_histories(sizing, tmp_path))
     assert sizing_figures(sizing)["motor_torque_speed.png"].axes
     assert sizing.inputs is not None and all(

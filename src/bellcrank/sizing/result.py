@@ -310,6 +310,11 @@ class Sizing(Portable):
         """
         return not self.exceeded and not self.unsizable and not self.undetermined
 
+    @property
+    def verified(self) -> bool:
+        """Whether every limit is kept, and no main criterion of an actuator is unknown."""
+        return self.inside and not self.not_verified
+
 
 def sizing_inputs(sizing: Sizing) -> SizingInputs:
     """What was sized. Raises InputError where the sizing does not hold it."""

@@ -215,9 +215,7 @@ class Selection:
             held = math.sqrt(one.gear.stiffness / inertia.max()) / (2.0 * math.pi)
             free = math.sqrt(one.gear.stiffness * (1.0 / inertia.max() + 1.0 / (n**2 * (rotor + gear)))) / math.tau
             assert notes["resonance"].text.startswith(f"{held:.3g} Hz with the rotor held, {free:.3g} Hz free")
-            torque = axis.conditions.safety_factor * max(
-                np.abs(cycle.torque[:, k]).max() for cycle in selection.cycles
-            )
+            torque = axis.conditions.safety_factor * max(np.abs(cycle.torque[:, k]).max() for cycle in selection.cycles)
             unit, factor = ("mm", 1e3) if axis.axis.kind == "linear" else ("arcmin", 60.0 * 180.0 / math.pi)
             text = notes["error at the axis"].text
             assert text.startswith(f"backlash {one.gear.backlash * factor:.3g} {unit}")

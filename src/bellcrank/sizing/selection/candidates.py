@@ -37,11 +37,14 @@ from bellcrank.sizing.selection.tier_counts import TierCounts
 Indices = NDArray[np.intp]
 
 
-def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int) -> AxisSelection:
+def axis_selection(
+    problem: JudgedAxes, final: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int
+) -> AxisSelection:
     """The candidates of one axis under the masses of the chosen actuators.
 
     Args:
         problem: The pairs.
+        final: The same pairs under the loads by which those that are listed are judged.
         axis: Number of the axis.
         chosen: Number of the chosen pair.
         masses: Classes of the chosen actuators.
@@ -49,7 +52,7 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
     """
     rows = listed_rows(problem, axis, chosen, masses, most)
     unknown = problem.unknown_masses(axis, masses)
-    judgement = completed(problem.judgement(axis, masses, rows))
+    judgement = completed(final.judgement(axis, masses, rows))
     under = JudgedUnder(judgement.loads, judgement.conditions, tuple(unknown))
     made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
     return AxisSelection(

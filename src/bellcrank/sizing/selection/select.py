@@ -22,10 +22,11 @@ from bellcrank.robot.payload import Payload
 from bellcrank.sizing.axis_conditions import conditions_of
 from bellcrank.sizing.massless_motors import massless_motors
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import Axis, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose
+from bellcrank.sizing.selection.joint_problem import Choice
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
 from bellcrank.sizing.selection.selection_of import selection_of
@@ -127,12 +128,12 @@ def select(
     products = _products(own if catalogue is None else catalogue, makers, exclude)
     _refuse_massless(subject, allow_massless)
     kept = _kept(keep)
-    loads = axis_loads(
-        subject.mechanism,
-        subject.motions,
-        *_cycle_and_axes(subject.config, duty, transmissions, mounts),
-        _kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)),
-    )
+    cycle_and_axes = _cycle_and_axes(subject.config, duty, transmissions, mounts)
+
+    def loads_of(drives: Mapping[str, Actuator]) -> AxisLoads:
+        return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives)
+
+    loads = loads_of(_kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)))
     common = conditions_of(subject.config, None, given)
     of_axes = [conditions_of(subject.config, axis.name, given) for axis in loads.axes]
     _check_momentary_loads(common, loads.axes)
@@ -142,7 +143,10 @@ def select(
         effort = EFFORT if sum(len(one.pairs) for one in pairs) <= MANY_PAIRS else EFFORT_OF_MANY_PAIRS
     with counting("select", " pairs") as bar:
         problem = JudgedAxes(loads, pairs, of_axes, common, objective, feedback, lambda done: bar(done, done))
-        selection = selection_of(problem, choose(problem, effort), candidates, effort)
+        chosen = choose(problem, effort)
+        drives = _chosen_drives(problem, chosen.choice)
+        final = problem if set(drives) <= set(kept) else replace(problem, loads=loads_of(drives))
+        selection = selection_of(problem, final, chosen, candidates, effort)
     robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
     warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, pairs, of_axes)]
     return replace(
@@ -213,6 +217,16 @@ def _kept_drives(
         whole = motor in motors and not plus and motors[motor].kind == "actuator"
         if whole or (motor in motors and (gear in gears or gear == DIRECT.id)):
             found[axis] = Actuator.of(motors[motor], gears.get(gear), conditions(axis))
+    return found
+
+
+def _chosen_drives(problem: JudgedAxes, choice: Choice) -> dict[str, Actuator]:
+    """The actuators of the axes for which something was chosen, by the name of the axis."""
+    found = {}
+    for one, pair, conditions in zip(problem.axes, choice, problem.conditions, strict=True):
+        if pair is not None:
+            motor, gear = one.pairs.rows(pair)
+            found[one.axis.name] = Actuator.of(motor, gear, conditions)
     return found
 
 

@@ -31,7 +31,7 @@ def coefficients(pairs: Pairs, cycle: ReducedCycle, *, electrical: bool) -> Arra
     if not electrical:
         factors[:, 3:] = 0.0
     if cycle.includes_gear:
-        factors[:, :2] = 1.0 / pairs.of_gear("ratio")[:, None]
+        factors[:, :2] = cycle.safety_factor / pairs.of_gear("ratio")[:, None]
     return factors
 
 
