@@ -43,7 +43,6 @@ class PathTiming:
         fastest: The largest speeds (n,) from which the end can still be reached within the limits.
         active: The row of the limit that is active in each cell (n - 1,); -1 where there is none, -2 a limit of speed.
         kind: What the motion does in each cell (n - 1,), an index into `KINDS`.
-        unproved: The places (n,) at which a set of allowed accelerations has a hole.
     """
 
     s: Array
@@ -53,7 +52,6 @@ class PathTiming:
     fastest: Array
     active: NDArray[np.int32]
     kind: NDArray[np.int32]
-    unproved: NDArray[np.bool_]
 
     @property
     def durations(self) -> Array:
@@ -112,9 +110,9 @@ def fastest_refined(
     for number in range(MOST_PASSES):
         places = np.empty(2 * len(r) - 1)
         places[::2], places[1::2] = r, (r[1:] + r[:-1]) / 2.0
-        s = path.length * _share(places)
+        s = path.length * share_of_path(places)
         short = np.where(np.diff(r) <= NARROW, 1, np.where(np.diff(s[::2]) <= NEAR_REST * path.length, 2, 0))
-        slope = path.length * _slope(places)
+        slope = path.length * slope_of_share(places)
         arrays = limits.at_places(known.at(s))
         found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS)
         _refuse_failure(found, path, limits, s[::2])
@@ -147,12 +145,13 @@ def _first_cells(path: JointPath) -> Array:
     return np.asarray(r[keep])
 
 
-def _share(r: Array) -> Array:
+def share_of_path(r: Array) -> Array:
     """sin²(π r / 2), to full relative precision of its distance to either end."""
     return np.asarray(np.where(r < 0.5, np.sin(np.pi * r / 2.0) ** 2, 1.0 - np.sin(np.pi * (1.0 - r) / 2.0) ** 2))
 
 
-def _slope(r: Array) -> Array:
+def slope_of_share(r: Array) -> Array:
+    """The derivative of `share_of_path`."""
     return np.asarray(np.pi / 2.0 * np.sin(np.pi * np.minimum(r, 1.0 - r)))
 
 
@@ -180,7 +179,6 @@ def _timing(s: Array, found: dict[str, Any]) -> PathTiming:
         fastest=found["fastest"],
         active=found["active"],
         kind=found["kind"],
-        unproved=found["gap"].astype(np.bool_),
     )
 
 

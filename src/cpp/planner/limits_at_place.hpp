@@ -18,7 +18,17 @@ class LimitsAtPlace : private QuantitiesAtPlace {
 
   double fastest() const { return limits_.fastest[place_]; }
 
-  Bounds bounds(double y) const {
+  // The bounds of u, which lie in no hole. With `narrowed` the range is the one of speeds at which the same u are left
+  // out by the same limits.
+  Bounds bounds(double y, bool narrowed = false) const {
+    Holes holes;
+    Bounds found = bounds_with_holes(y, holes, narrowed);
+    leave_holes(found, holes, y, narrowed);
+    return found;
+  }
+
+  // The bounds, and the u between them, or beyond them, that are not allowed.
+  Bounds bounds_with_holes(double y, Holes& holes, bool narrowed) const {
     Bounds found;
     const double* a = slopes();
     Values value;
@@ -37,12 +47,16 @@ class LimitsAtPlace : private QuantitiesAtPlace {
         add(found, bound(row, row.drive, a, value, limit, y, r));
         add(found, bound(row, row.back, a, value, limit, y, r));
       } else {
-        add_looser(found, bound(row, row.drive, a, value, limit, y, r), bound(row, row.back, a, value, limit, y, r));
+        add_looser(found, holes, bound(row, row.drive, a, value, limit, y, r), bound(row, row.back, a, value, limit, y, r),
+                   y, narrowed);
       }
     }
     for (std::size_t k = 0; k < limits_.norms; ++k) add_norm(found, k, y);
     return found;
   }
+
+  // Whether there may be holes at some speed.
+  bool may_split() const { return limits_.may_split(); }
 
   // The worst share by which u exceeds a limit at a speed y; 0: at a limit, negative: within all.
   double excess(double y, double u) const {

@@ -4,6 +4,7 @@
 #include <nanobind/stl/pair.h>
 
 #include "../integrator/new_array.hpp"
+#include "lower_bound.hpp"
 #include "refined_pass.hpp"
 
 namespace nb = nanobind;
@@ -90,7 +91,6 @@ nb::dict answer(const Fastest& f) {
   d["active"] = column<std::int32_t>(f.active);
   d["kind"] = column<std::int32_t>(f.kind);
   d["error"] = column<double>(f.error);
-  d["gap"] = column<std::uint8_t>(f.gap);
   d["failed"] = f.failed;
   d["failed_at_start"] = f.failed_at_start;
   d["cause"] = f.cause;
@@ -120,6 +120,15 @@ nb::dict refined(const LimitArrays& given, In<1> r, In<1> s, In<1> ds, Narrow na
             .run(begin, end);
   }
   return answer(f);
+}
+
+// A lower bound of the time, from and to rest; ds = ds/dr at places at equal distances of r, four in each cell.
+double lower_bound(const LimitArrays& given, In<1> r, In<1> ds) {
+  const std::size_t places = given.limits.places;
+  if (places < 5 || places % LowerBound::parts != 1 || r.shape(0) != places || ds.shape(0) != places)
+    throw nb::value_error("the places do not fit the limits");
+  nb::gil_scoped_release release;
+  return LowerBound(given.limits, r.data(), ds.data(), places / LowerBound::parts).time(0.0, 0.0);
 }
 
 // The bounds (least, most) of the path acceleration at a place and a speed, and the rows that give them.
@@ -198,6 +207,7 @@ NB_MODULE(_planner, m) {
   m.def("fastest_on_grid", &on_grid, nb::arg("limits"), nb::arg("s"), nb::arg("begin"), nb::arg("end"));
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
         nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));
+  m.def("lower_bound", &lower_bound, nb::arg("limits"), nb::arg("r"), nb::arg("ds"));
   m.def("excess", &excess, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("linearised", &linearised, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("largest_factor", &largest_factor, nb::arg("limits"), nb::arg("to"));

@@ -29,7 +29,7 @@ class RefinedPass {
 
   Fastest run(double begin, double end) {
     Fastest f;
-    f.y.assign(n_, 0), f.slowest.assign(n_, 0), f.fastest.assign(n_, 0), f.gap.assign(n_, 0);
+    f.y.assign(n_, 0), f.slowest.assign(n_, 0), f.fastest.assign(n_, 0);
     f.u_begin.assign(n_ - 1, 0), f.u_end.assign(n_ - 1, 0), f.active.assign(n_ - 1, none), f.kind.assign(n_ - 1, 0);
     f.error.assign(n_ - 1, 0);
     for (std::size_t p = 0; p < top_.size(); ++p) {
@@ -153,7 +153,6 @@ class RefinedPass {
     const double h = step(i);
     const Bounds b0 = bounds(2 * i, x0), b1 = bounds(2 * i + 2, x1);
     const int kind = f.kind[i];
-    f.gap[i] = b0.hole;
     const bool bends = (kind == Cell::forward && b0.most.quantity != b1.most.quantity) ||
                        (kind == Cell::backward && b0.least.quantity != b1.least.quantity);
     if (narrow_[i] == 1) {

@@ -49,7 +49,7 @@ def film_of_fastest(
         film,
         limits=active_limits(fastest, film.axes),
         xy_plots=(_phase_plane(fastest), *film.xy_plots),
-        facts=(film.facts[0], *saved, *costs, *(("warning", text) for text in fastest.warnings), *film.facts[1:]),
+        facts=(film.facts[0], *saved, ("lower bound", fastest.bound), *costs, *(("warning", text) for text in fastest.warnings), *film.facts[1:]),
     )
 
 
