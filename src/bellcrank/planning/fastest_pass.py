@@ -19,6 +19,7 @@ from bellcrank.planning.path_limits import PathLimits
 
 Array = NDArray[np.float64]
 FIRST_CELLS = 200
+COARSE_CELLS = 100
 NARROW = 1e-9  # of the path, in the parameter r: cells are not halved further
 NEAR_REST = 1e-12  # of the path
 TIME_ERROR = 1e-11  # of the whole time, by one cell
@@ -104,7 +105,7 @@ def fastest_refined(
     Cells are halved until the error of the time and the excess of limits between places are below their tolerances, or
     the cell is negligibly short. Places where a joint changes its direction are ends of cells. Raises BellcrankError.
     """
-    r = _first_cells(path)
+    r = first_cells(path)
     known = KnownPlaces(lambda s: limits.places(path, s))
     timing = None
     for number in range(MOST_PASSES):
@@ -132,11 +133,13 @@ def fastest_refined(
         r = np.sort(np.concatenate([r, places[1::2][halved]]))
     assert timing is not None
     if not np.isfinite(timing.duration):
+        fastest_on_grid(path, limits, COARSE_CELLS)  # which names the limits where no motion keeps them
         raise BellcrankError("the motion along the path comes to a stop: the limits allow no faster motion there")
     return timing
 
 
-def _first_cells(path: JointPath) -> Array:
+def first_cells(path: JointPath) -> Array:
+    """Ends of cells, as `share_of_path` takes them, to begin with: changes of a joint's direction are among them."""
     turning = path.turning_points() / path.length
     knots = path.knots[1:-1] / path.length
     own = [2.0 / np.pi * np.arcsin(np.sqrt(x)) for x in (turning, knots)]

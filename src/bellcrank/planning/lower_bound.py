@@ -15,44 +15,58 @@ of a hole comes as near to its time as one likes. src/cpp/planner/lower_bound.hp
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from bellcrank._planner import lower_bound
-from bellcrank.planning.fastest_pass import share_of_path, slope_of_share
+from numpy.typing import NDArray
+
+from bellcrank.planning.fastest_pass import first_cells, share_of_path, slope_of_share
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.known_places import KnownPlaces
 from bellcrank.planning.path_limits import PathLimits
 
-CELLS = (250, 500, 1000, 2000, 4000, 8000)
-CELLS_OF_LINKAGES = CELLS[:4]  # each place solves a system of equations
+Array = NDArray[np.float64]
+CELLS = 100_000  # at most
+CELLS_OF_LINKAGES = 5_000  # each place solves a system of equations
 PARTS = 4  # of a cell, as in lower_bound.hpp
-CLOSE = 1e-6  # relative: a bound that is as near to the time of a motion is near enough
+CLOSE = 2e-7  # relative: a bound that is as near to the time of a motion is near enough
+MARKED = 0.9  # share of the looseness of all cells that those have that are halved
+ROUNDS = 12
+NARROW = 1e-8  # in the parameter r: differences over shorter cells are rounding
 
 
-def least_time(path: JointPath, limits: PathLimits, time: float) -> float:
+def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) -> float:
     """The time, s, that every motion along a path from rest to rest takes at least, if it keeps the limits other than
-    of jerk.
+    of jerk; NaN where limits are known only as more than they are.
 
-    The bound is found with more and more cells, until it is within 1e-6 of a known time. Between places limits may change by the
-    largest second difference of their values at neighbouring places.
+    Cells are halved where they loosen the bound, until it is close to a known time. Between the places of a cell limits
+    may change by the largest second difference of their values at neighbouring places.
 
     Args:
         path: The path.
         limits: The limits.
         time: The time of a known motion, s.
+        places: Path parameters (n,) to begin with, rising.
 
     Returns:
         The bound; it may exceed the known time where that motion exceeds a limit.
     """
-    careful = replace(limits, creep=0.0)
-    known = KnownPlaces(lambda s: careful.places(path, s))
+    r = np.unique(np.concatenate([first_cells(path), 2.0 / np.pi * np.arcsin(np.sqrt(places / path.length))]))
+    r = r[np.concatenate([np.diff(r) > NARROW, [True]])]
+    r[0] = 0.0
+    known = KnownPlaces(lambda s: limits.places(path, s))
+    most = CELLS_OF_LINKAGES if limits.mechanism.closed else CELLS
     best = 0.0
-    for cells in CELLS_OF_LINKAGES if limits.mechanism.closed else CELLS:
-        r = np.linspace(0.0, 1.0, PARTS * cells + 1)
-        arrays = careful.at_places(known.at(path.length * share_of_path(r)))
-        best = max(best, lower_bound(arrays, r, path.length * slope_of_share(r)))
-        if time - best <= CLOSE * time:
+    for _ in range(ROUNDS):
+        inner = (r[:-1, None] + np.diff(r)[:, None] * (np.arange(PARTS) / PARTS)).ravel()
+        parts = np.append(inner, r[-1])
+        arrays = limits.at_places(known.at(path.length * share_of_path(parts)))
+        found, loose = lower_bound(arrays, parts, path.length * slope_of_share(parts))
+        best = max(best, found)
+        loose[np.diff(r) < 2.0 * NARROW] = 0.0
+        order = np.argsort(-loose)
+        marked = order[: 1 + int(np.searchsorted(np.cumsum(loose[order]), MARKED * np.sum(loose)))]
+        if time - best <= CLOSE * time or len(r) + len(marked) > most:
             break
+        r = np.sort(np.concatenate([r, (r[marked] + r[marked + 1]) / 2.0]))
     return best

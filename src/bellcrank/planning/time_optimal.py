@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 TOLD_ON_GRID = 1e-3  # share of a limit: a motion on a grid that exceeds it by more says so
 SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
-COARSE_CELLS = 100
-CREEP = 1e-6  # of the largest path speed: so slow that it costs no time that counts
 
 
 def time_optimal(
@@ -104,12 +102,10 @@ def time_optimal(
         if bounds.jerk_groups:
             timings.append(jerk_limited(one, bounds, progress))
             continue
-        coarse = fastest_on_grid(one, bounds, grid or COARSE_CELLS)
         if grid:
-            timings.append(coarse)
+            timings.append(fastest_on_grid(one, bounds, grid))
             continue
-        careful = replace(bounds, creep=CREEP * float(coarse.speed.max()))
-        timings.append(fastest_refined(one, careful, progress))
+        timings.append(fastest_refined(one, bounds, progress))
     _check_speeds(paths, timings)
     title = "path" if original is None else original.name
     parts = [timed_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
@@ -117,7 +113,9 @@ def time_optimal(
     motion = join(*(part.motion for part in parts), name=f"fastest {title}")
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in active_limits(bounds, one, t))
     worst = worst_excess(bounds, motion)
-    least = sum(least_time(one, bounds, part.motion.duration) for one, part in zip(paths, parts, strict=True))
+    least = sum(
+        least_time(one, bounds, part.motion.duration, t.s) for one, part, t in zip(paths, parts, timings, strict=True)
+    )
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
         robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,

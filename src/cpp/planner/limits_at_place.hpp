@@ -41,7 +41,7 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       }
       const Parabola limit = limit_at(row, y, found);
       const double turned = turning(row);
-      if (row.back < 0 || turned == 0.0 || (y <= limits_.creep && row.sense * turned < 0.0)) {
+      if (row.back < 0 || turned == 0.0) {
         add(found, bound(row, row.drive, a, value, limit, y, r));
       } else if (row.sense * turned > 0.0) {
         add(found, bound(row, row.drive, a, value, limit, y, r));
@@ -71,7 +71,7 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       const double turned = turning(row);
       double own = over(row.drive);
       if (row.back >= 0 && row.sense * turned > 0.0) own = std::max(own, over(row.back));
-      if (row.back >= 0 && row.sense * turned < 0.0 && y > limits_.creep) own = std::min(own, over(row.back));
+      if (row.back >= 0 && row.sense * turned < 0.0) own = std::min(own, over(row.back));
       worst = std::max(worst, own / row.limit);
     }
     for (std::size_t k = 0; k < limits_.norms; ++k) {
@@ -107,7 +107,7 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       if (row.back < 0 || turned == 0.0) continue;
       if (row.sense * turned > 0.0) {
         write(second, row.back);
-      } else if (y > limits_.creep) {
+      } else {
         write(second, row.back);
         const std::size_t looser = share[second] < share[first] ? second : first;
         share[first] = share[looser], by_u[first] = by_u[looser], by_y[first] = by_y[looser];

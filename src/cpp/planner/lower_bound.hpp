@@ -28,10 +28,10 @@ class LowerBound {
  public:
   static constexpr std::size_t parts = 4;  // of a cell
 
-  // `limits` are those at the 4 cells + 1 places, at equal distances of r; `ds` is ds/dr there.
+  // `limits` are those at the 4 cells + 1 places, in each cell at equal distances of r; `ds` is ds/dr there.
   LowerBound(const PathLimits& limits, const double* r, const double* ds, std::size_t cells)
-      : limits_(limits), ds_(ds), cells_(cells), width_((r[parts * cells] - r[0]) / static_cast<double>(cells)),
-        top_(parts * cells + 1), back_(cells), node_(cells + 1) {}
+      : limits_(limits), r_(r), ds_(ds), cells_(cells), top_(parts * cells + 1), ahead_(cells), back_(cells),
+        node_(cells + 1), sources_(cells) {}
 
   // The bound of the time, s, between given speeds at the ends.
   double time(double begin, double end) {
@@ -44,27 +44,61 @@ class LowerBound {
     node_[cells_] = std::min(end * end, top_.back());
     for (std::size_t i = cells_; i-- > 0;) {
       back_[i] = slope_of_cell(i, node_[i + 1], false);
-      node_[i] = std::min(top_[parts * i], back_[i].end(node_[i + 1], width_));
+      node_[i] = back_[i].end(node_[i + 1], width(i));
+      sources_[i].back_begins = node_[i] > top_[parts * i];
+      if (sources_[i].back_begins) node_[i] = top_[parts * i];
     }
     double from = std::min(begin * begin, node_[0]), sum = 0;
     for (std::size_t i = 0; i < cells_; ++i) {
-      const Slope ahead = slope_of_cell(i, from, true);
-      sum += time_of_cell(i, ahead, from, node_[i + 1]);
-      from = std::min(node_[i + 1], ahead.end(from, width_));
+      ahead_[i] = slope_of_cell(i, from, true);
+      sum += time_of_cell(i, from, node_[i + 1]);
+      from = ahead_[i].end(from, width(i));
+      sources_[i].ahead_ends = from > node_[i + 1];
+      if (sources_[i].ahead_ends) from = node_[i + 1];
     }
     return sum;
+  }
+
+  // After `time`: the time, s, by about which each cell (cells) loosens the bound: half of the share by which X is raised
+  // there, of the time of the cells that the raised curve reaches.
+  std::vector<double> looseness() const {
+    std::vector<double> found(cells_, 0.0);
+    const auto largest = [&](std::size_t i) { return std::max(node_[i], node_[i + 1]); };
+    double reached = 0;
+    for (std::size_t i = 0; i < cells_; ++i) {
+      if (sources_[i].back_begins) reached = 0;
+      reached += sources_[i].time[1];
+      found[i] = 0.5 * back_[i].raised_by(width(i), largest(i)) * reached;
+    }
+    reached = 0;
+    for (std::size_t i = cells_; i-- > 0;) {
+      if (sources_[i].ahead_ends) reached = 0;
+      reached += sources_[i].time[0];
+      found[i] += 0.5 * (ahead_[i].raised_by(width(i), largest(i)) * reached + sources_[i].bent);
+    }
+    return found;
   }
 
  private:
   // dX/dr in a cell, in the direction in which it is integrated: q0 + q1 z + q2 z² at the share z of the cell.
   struct Slope {
-    double q0 = unlimited, q1 = 0, q2 = 0;
+    double q0 = unlimited, q1 = 0, q2 = 0, raised = 0;
     bool known() const { return std::isfinite(q0); }
     double at(double z) const { return q0 + z * (q1 + z * q2); }
     double change(double z, double width) const { return width * z * (q0 + z * (q1 / 2 + z * q2 / 3)); }
     double end(double from, double width) const { return known() ? from + change(1, width) : unlimited; }
+    double raised_by(double width, double x) const { return known() && x > 0 ? std::min(1.0, raised * width / x) : 1.0; }
+  };
+  // What makes X in a cell: the time in which each of the three curves is the least, whether the backward one ends at its
+  // begin and the forward one at its end, and the time times the share of x that the largest one is raised by.
+  struct Source {
+    double time[3] = {0, 0, 0};
+    bool back_begins = false, ahead_ends = false;
+    double bent = 0;
   };
   using Samples = std::array<double, parts + 1>;
+
+  double width(std::size_t i) const { return r_[parts * (i + 1)] - r_[parts * i]; }
 
   static double share(std::size_t j) { return static_cast<double>(j) / parts; }
 
@@ -90,7 +124,7 @@ class LowerBound {
   std::pair<double, double> lacking(std::size_t i, double from, bool ahead, const Slope& slope) const {
     Samples lack;
     for (std::size_t j = 0; j <= parts; ++j) {
-      const double x = from + slope.change(share(j), width_);
+      const double x = from + slope.change(share(j), width(i));
       lack[j] = steepest(i, j, x, ahead) - slope.at(share(j));
     }
     const double worst = *std::max_element(lack.begin(), lack.end());
@@ -102,13 +136,13 @@ class LowerBound {
     if (!std::isfinite(first)) return {};
     Slope slope{first, 0, 0};
     for (int turn = 0; turn < 3; ++turn) {
-      const double middle = steepest(i, parts / 2, from + slope.change(0.5, width_), ahead);
-      const double last = steepest(i, parts, from + slope.change(1, width_), ahead);
+      const double middle = steepest(i, parts / 2, from + slope.change(0.5, width(i)), ahead);
+      const double last = steepest(i, parts, from + slope.change(1, width(i)), ahead);
       slope = through(first, middle, last);
     }
     double raised = 0;
     for (int turn = 0; turn < 8; ++turn) {
-      const Slope tried{slope.q0 + raised, slope.q1, slope.q2};
+      const Slope tried{slope.q0 + raised, slope.q1, slope.q2, raised};
       const auto [worst, between] = lacking(i, from, ahead, tried);
       if (!std::isfinite(worst) || !std::isfinite(between)) return {};
       if (worst + between <= 0) return tried;
@@ -117,29 +151,37 @@ class LowerBound {
     return {};
   }
 
-  // Above the largest x at which an acceleration is allowed, in a part of a cell at the place p and the next one.
-  double highest(std::size_t p, double z) const {
-    const auto bent = [&](std::size_t k) {
-      return k == 0 || k + 1 >= top_.size() ? 0.0 : std::abs(top_[k - 1] - 2 * top_[k] + top_[k + 1]);
+  // By how much the largest x at which an acceleration is allowed may exceed a line between the place p and the next.
+  double bent(std::size_t p) const {
+    const double step = r_[p + 1] - r_[p];
+    const auto by_place = [&](std::size_t k) {
+      if (k == 0 || k + 1 >= top_.size()) return 0.0;
+      return step * std::abs((top_[k + 1] - top_[k]) / (r_[k + 1] - r_[k]) - (top_[k] - top_[k - 1]) / (r_[k] - r_[k - 1]));
     };
-    return (1 - z) * top_[p] + z * top_[p + 1] + std::max(bent(p), bent(p + 1));
+    return std::max(by_place(p), by_place(p + 1));
   }
 
-  double time_of_cell(std::size_t i, const Slope& ahead, double from, double to) const {
+  double time_of_cell(std::size_t i, double from, double to) {
+    const Slope& ahead = ahead_[i];
+    Source& source = sources_[i];
+    const double width = this->width(i);
     static constexpr double nodes[3] = {0.11270166537925831, 0.5, 0.88729833462074169};  // of Gauss and Legendre
     static constexpr double weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
     double sum = 0;
     for (std::size_t j = 0; j < parts; ++j) {
       double all = 0, alone[3] = {0, 0, 0};
       int which[3];
+      const double raised = bent(parts * i + j);
       for (int k = 0; k < 3; ++k) {
         const double z = nodes[k], share_of_cell = (static_cast<double>(j) + z) / parts;
         const std::size_t p = parts * i + j;
-        const double x[3] = {ahead.known() ? from + ahead.change(share_of_cell, width_) : unlimited,
-                             back_[i].known() ? to + back_[i].change(1 - share_of_cell, width_) : unlimited,
-                             highest(p, z)};
-        const double way = weights[k] * width_ / parts * slope_of_way(p, z);
+        const double x[3] = {ahead.known() ? from + ahead.change(share_of_cell, width) : unlimited,
+                             back_[i].known() ? to + back_[i].change(1 - share_of_cell, width) : unlimited,
+                             (1 - z) * top_[p] + z * top_[p + 1] + raised};
+        const double way = weights[k] * width / parts * slope_of_way(p, z);
         which[k] = static_cast<int>(std::min_element(x, x + 3) - x);
+        source.time[which[k]] += way / std::sqrt(std::max(x[which[k]], std::numeric_limits<double>::min()));
+        if (which[k] == 2 && x[2] > 0) source.bent += raised / x[2] * way / std::sqrt(x[2]);
         all += way / std::sqrt(std::max(x[which[k]], std::numeric_limits<double>::min()));
         for (int m = 0; m < 3; ++m) alone[m] += way / std::sqrt(std::max(x[m], std::numeric_limits<double>::min()));
       }
@@ -153,12 +195,12 @@ class LowerBound {
   double slope_of_way(std::size_t p, double z) const { return (1 - z) * ds_[p] + z * ds_[p + 1]; }
 
   const PathLimits& limits_;
-  const double* ds_;
+  const double *r_, *ds_;
   std::size_t cells_;
-  double width_;
   std::vector<double> top_;
-  std::vector<Slope> back_;
+  std::vector<Slope> ahead_, back_;
   std::vector<double> node_;
+  std::vector<Source> sources_;
 };
 
 }  // namespace bellcrank

@@ -46,7 +46,6 @@ struct PathLimits {
   const double *a = nullptr, *b = nullptr, *d = nullptr, *c = nullptr, *w = nullptr, *rate = nullptr;
   const double *motor_rate = nullptr, *fastest = nullptr, *width = nullptr, *negligible = nullptr;
   const double *along = nullptr, *bend = nullptr, *across = nullptr, *norm = nullptr;  // norm: limits (norms)
-  double creep = 0;  // up to this y the load counts as taking power, as it does at standstill
   std::vector<LimitRow> rows;
   std::vector<Curve> curves;
 
