@@ -1,8 +1,8 @@
 """Fastest motions of random arms behind gears that lose power, against a dynamic programme over path speeds.
 
 The programme knows neither intervals nor bounds: at each place of a grid it tries every change from one squared path
-speed to another, with the shaft torques of the definition at the middle of the cell. It begins with all speeds and goes on
-with finer levels around the best motion so far, on finer and finer grids.
+speed to another, with the shaft torques of the definition at the middle of the cell. It begins with all speeds and goes
+on with finer levels around the best motion so far, on finer and finer grids.
 
 PYTHONPATH=tests/support python -m tests.campaigns.fastest_behind_lossy_gears --cases 50 --seed 1
 """

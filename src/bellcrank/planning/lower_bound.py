@@ -6,8 +6,8 @@ forward, the path acceleration u and x = (ds/dt)²,
     T(u) = max(τ / (N η), τ η / N) + J N (q' u + q'' x)
 
 (the larger of both: τ > 0 takes power). T is convex in u. So T <= L allows an interval of u. T >= -L leaves out the u for
-which both lines are below -L: an open interval, where the two slopes have different signs, which happens where the rotor
-needs a torque against the load's. The allowed u are then an interval with such holes, one a gear. The bound replaces
+which both lines are below -L: an open interval, where the two slopes have different signs, which happens where the
+rotor needs a torque against the load's. The allowed u are then an interval with such holes, one a gear. The bound replaces
 them by the interval from the least to the most of them, which contains them, as the relaxed problem does (J. Warga,
 Optimal Control of Differential and Functional Equations, 1972): a motion that changes quickly enough between the ends
 of a hole comes as near to its time as one likes. src/cpp/planner/lower_bound.hpp has the rest of the argument.
@@ -16,10 +16,9 @@ of a hole comes as near to its time as one likes. src/cpp/planner/lower_bound.hp
 from __future__ import annotations
 
 import numpy as np
-
-from bellcrank._planner import lower_bound
 from numpy.typing import NDArray
 
+from bellcrank._planner import lower_bound
 from bellcrank.planning.fastest_pass import first_cells, share_of_path, slope_of_share
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.known_places import KnownPlaces
@@ -51,6 +50,8 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
     Returns:
         The bound; it may exceed the known time where that motion exceeds a limit.
     """
+    if not limits.exact:
+        return np.nan
     r = np.unique(np.concatenate([first_cells(path), 2.0 / np.pi * np.arcsin(np.sqrt(places / path.length))]))
     r = r[np.concatenate([np.diff(r) > NARROW, [True]])]
     r[0] = 0.0

@@ -141,6 +141,11 @@ class PathLimits:
         """What of the actuators does not limit, or not exactly."""
         return self._motors.notes
 
+    @property
+    def exact(self) -> bool:
+        """Whether the rows are the limits, and not tighter ones, as for gears with a curve of efficiency."""
+        return not self._motors.varying
+
     @cached_property
     def names(self) -> list[NamedLimit]:
         """The names of the rows, and of the norms that follow them."""
