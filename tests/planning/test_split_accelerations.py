@@ -1,4 +1,4 @@
-"""Fastest motions behind gears that lose power, which may split the allowed accelerations, and bounds of their times."""
+"""Fastest motions behind gears that lose power, which may split the allowed accelerations, and their bounds."""
 
 from __future__ import annotations
 
