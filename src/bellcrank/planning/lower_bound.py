@@ -67,8 +67,10 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
         best = max(best, found)
         loose[np.diff(r) < 2.0 * NARROW] = 0.0
         order = np.argsort(-loose)
-        count = max(np.searchsorted(np.cumsum(loose[order]), MARKED * np.sum(loose)) + 1, LEAST_MARKED * len(r))
-        marked = order[: int(count)]
+        count = max(
+            int(np.searchsorted(np.cumsum(loose[order]), MARKED * np.sum(loose))) + 1, int(LEAST_MARKED * len(r))
+        )
+        marked = order[:count]
         marked = marked[loose[marked] > 0.0]
         if time - best <= CLOSE * time or np.sum(loose) <= LOOSE * time or len(r) + len(marked) > most:
             return best
