@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]
+OPTIMAL = 1e-6  # the largest gap to the lower bound, and the largest excess, of a motion that is called optimal
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,10 @@ class FastestMotion:
             them; negative where it reaches none.
         worst: Which limit that is, when, and for how long limits are exceeded.
         refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
-        warnings: What was not taken into account, and where optimality is not proved.
+        lower_bound: The time, s, that every motion along the path takes at least, if it keeps the limits other than of
+            jerk along the whole path: a bound of the continuous problem. At most `duration`; NaN where it is not known.
+        jerk_limited: Whether there are limits of jerk, which the bound leaves out.
+        warnings: What was not taken into account.
         mechanism: The mechanism, which a replay shows.
         actuators: Motor and gear by joint.
 
@@ -113,6 +117,8 @@ class FastestMotion:
     excess: float
     worst: LimitExcess
     refined: bool
+    lower_bound: float = np.nan
+    jerk_limited: bool = False
     warnings: tuple[str, ...] = field(default=())
     mechanism: Mechanism | None = field(default=None, repr=False)
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False)
@@ -121,6 +127,38 @@ class FastestMotion:
     def duration(self) -> float:
         """The time of the motion, s."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def gap(self) -> float:
+        """The largest share by which a motion along the path could be shorter, from the lower bound of its time; NaN
+        where no bound is known.
+        """
+        return 1.0 - self.lower_bound / self.duration
+
+    @property
+    def bound(self) -> str:
+        """What the lower bound says of the time, as a sentence; "optimal" is said of a gap and an excess of at most
+        1e-6.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> fastest = bc.time_optimal("planar_2r", "elbow_up")
+            >>> fastest.bound.split(":")[0]
+            'optimal'
+        """
+        least = f"takes less than {self.lower_bound:.6g} s"
+        if np.isnan(self.lower_bound):
+            return "no lower bound of the time is known"
+        if self.jerk_limited:
+            return f"without limits of jerk no motion {least}"
+        if not self.refined and self.gap <= 0.0:
+            return (
+                f"bound on this grid: no motion {least} that keeps the limits everywhere, as this one does at the "
+                "beginnings of cells"
+            )
+        if self.gap <= OPTIMAL and self.excess <= OPTIMAL:
+            return f"optimal: no motion along the path {least}"
+        return f"no motion along the path {least}, {100.0 * self.gap:.2g} % below its time"
 
     def __repr__(self) -> str:
         return f"FastestMotion({self.robot!r} along {self.path!r}: {self.duration:.6g} s)"
@@ -139,6 +177,7 @@ class FastestMotion:
         lines = [f"{self.robot} along {self.path}: {self.duration:.6g} s"]
         if np.isfinite(self.original_duration):
             lines[0] += f" instead of {self.original_duration:.6g} s, {self.original_duration / self.duration:.3g} x"
+        lines.append(self.bound)
         width = max([len(cost.limit) for cost in self.costs] + [5])
         lines += ["", f"{'limit':<{width}}  active during  time saved by 1 % more"]
         for cost in self.costs:
@@ -157,7 +196,7 @@ class FastestMotion:
         Example:
             >>> import bellcrank as bc
             >>> sorted(bc.time_optimal("planar_2r", "elbow_up").as_dict())[:3]
-            ['costs', 'duration', 'excess']
+            ['bound', 'costs', 'duration']
         """
         original = self.original_duration
         return {
@@ -173,6 +212,9 @@ class FastestMotion:
                 "duration": self.worst.duration,
             },
             "refined": self.refined,
+            "lower_bound": None if np.isnan(self.lower_bound) else self.lower_bound,
+            "gap": None if np.isnan(self.gap) else self.gap,
+            "bound": self.bound,
             "costs": [
                 {
                     "limit": cost.limit,

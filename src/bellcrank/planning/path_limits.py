@@ -24,6 +24,7 @@ from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.motor_limits import MotorLimits
 from bellcrank.planning.path_torques import PathTerms, PathTorques
 from bellcrank.planning.tool_limits import NormCoefficients, ToolLimits
+from bellcrank.sizing.one_sided import ONE_SIDE
 
 if TYPE_CHECKING:
     from bellcrank.planning.joint_path import JointPath
@@ -42,7 +43,6 @@ class PathLimits:
         actuators: Motor and gear by joint.
         limits: The limits of joints and of a tool.
         factors: Factors on limits, by the group of their names; to see what a limit costs.
-        creep: The path speed up to which gears lose power as at standstill, where the load counts as taking power.
         only: The group of the only limits that count; "" for all.
     """
 
@@ -50,14 +50,17 @@ class PathLimits:
     actuators: Mapping[str, Actuator]
     limits: MotionLimits
     factors: Mapping[str, float] = field(default_factory=dict)
-    creep: float = 0.0
     only: str = ""
 
     def places(self, path: JointPath, s: Array) -> PathPlaces:
-        """The states and torques at places s (n,) of a path; factors, creep and the choice of limits do not change
-        them.
+        """The states and torques at places s (n,) of a path; factors and the choice of limits do not change them.
+
+        Where a joint stops for no finite part of the path its direction is that behind the place, at the end of the
+        path that before it: the loss of its gear is a one-sided limit (sizing/one_sided.py).
         """
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
+        side = np.where(s < path.length, ONE_SIDE, -ONE_SIDE)[:, None]
+        first = np.where(first == 0.0, side * second, first)
         return PathPlaces(q, first, second, self._torques.terms(q, first, second))
 
     def at(self, path: JointPath, s: Array, directions: Array | None = None) -> LimitArrays:
@@ -137,6 +140,11 @@ class PathLimits:
     def notes(self) -> tuple[str, ...]:
         """What of the actuators does not limit, or not exactly."""
         return self._motors.notes
+
+    @property
+    def exact(self) -> bool:
+        """Whether the rows are the limits, and not tighter ones, as for gears with a curve of efficiency."""
+        return not self._motors.varying
 
     @cached_property
     def names(self) -> list[NamedLimit]:
@@ -244,7 +252,6 @@ class PathLimits:
             bend=norms.bend,
             across=norms.across,
             norm=norms.limit,
-            creep=self.creep if any(row[1] >= 0 for row in rows.rows) else 0.0,
             rows=list(rows.rows[only]),
             curves=list(rows.curves),
         )

@@ -23,6 +23,7 @@ from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid, fastest
 from bellcrank.planning.jerk_pass import JerkTiming, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
 from bellcrank.planning.limit_costs import active_limits, limit_costs
+from bellcrank.planning.lower_bound import least_time
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import FASTEST, PathLimits
 from bellcrank.planning.timed_motion import EXCEEDED, TimedMotion, take_grid, timed_motion, worst_excess
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 TOLD_ON_GRID = 1e-3  # share of a limit: a motion on a grid that exceeds it by more says so
 SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
-COARSE_CELLS = 100
-CREEP = 1e-3  # of the largest path speed
 
 
 def time_optimal(
@@ -103,12 +102,10 @@ def time_optimal(
         if bounds.jerk_groups:
             timings.append(jerk_limited(one, bounds, progress))
             continue
-        coarse = fastest_on_grid(one, bounds, grid or COARSE_CELLS)
         if grid:
-            timings.append(coarse)
+            timings.append(fastest_on_grid(one, bounds, grid))
             continue
-        careful = replace(bounds, creep=CREEP * float(coarse.speed.max()))
-        timings.append(fastest_refined(one, careful, progress))
+        timings.append(fastest_refined(one, bounds, progress))
     _check_speeds(paths, timings)
     title = "path" if original is None else original.name
     parts = [timed_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
@@ -116,6 +113,9 @@ def time_optimal(
     motion = join(*(part.motion for part in parts), name=f"fastest {title}")
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in active_limits(bounds, one, t))
     worst = worst_excess(bounds, motion)
+    least = sum(
+        least_time(one, bounds, part.motion.duration, t.s) for one, part, t in zip(paths, parts, timings, strict=True)
+    )
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
         robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
@@ -133,11 +133,13 @@ def time_optimal(
         excess=worst.share,
         worst=worst,
         refined=grid is None and not coarse_parts,
+        lower_bound=min(least, motion.duration),
+        jerk_limited=bool(bounds.jerk_groups),
         mechanism=bounds.mechanism,
         actuators=bounds.actuators,
         warnings=(
             *subject.notes,
-            *_warnings(bounds, original, paths, timings, motion),
+            *_warnings(bounds, original, paths, motion),
             *coarse_parts,
             *_excess_warnings(worst, parts, grid is None),
         ),
@@ -237,7 +239,6 @@ def _warnings(
     bounds: PathLimits,
     original: Motion | None,
     paths: Sequence[JointPath],
-    timings: Sequence[PathTiming | JerkTiming],
     motion: Motion,
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
@@ -257,13 +258,6 @@ def _warnings(
     if bounds.jerk_groups:
         found.append("limits of jerk make the problem non-convex: the motion is a local optimum, and a faster one may "
                      "exist")  # fmt: skip
-    for path, timing in zip(paths, timings, strict=True):
-        if isinstance(timing, PathTiming) and timing.unproved.any():
-            place = 100.0 * float(timing.s[int(np.argmax(timing.unproved))]) / path.length
-            found.append(
-                f"at {place:.4g} % of the path friction or efficiency splits the allowed accelerations in two; a "
-                "faster motion may exist"
-            )
     found += limit_notes(bounds.mechanism.robot, motion.name, motion.time, motion.position)
     return tuple(dict.fromkeys(found))
 

@@ -102,7 +102,7 @@ def _slowed(motion: Motion, excess: float, bounds: PathLimits) -> TimedMotion:
 
 
 def _sampled(path: JointPath, timing: PathTiming, shortest: float) -> Motion:
-    rows = np.array(motion_rows(timing, shortest))
+    rows = np.array(motion_rows(timing, shortest, path.turning_points()))
     q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
     y, u = rows[:, 2:3], rows[:, 3:4]
     return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, "part")
