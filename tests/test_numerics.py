@@ -119,3 +119,10 @@ def test_the_shortest_duration_that_there_is_has_a_summary():
     run = bc.simulate("pendulum", 5e-324, max_evaluations=10_000)
     assert run.success
     assert "finished at 4.94065646e-324 s" in run.summary()
+
+
+def test_a_step_limit_that_time_cannot_resolve_allows_no_step():
+    """At the start of time ten spacings of its numbers, the least step of Radau, are 4.9e-323 s."""
+    run = bc.simulate("pendulum", 1e-3, solver="Radau", first_step=10 * 5e-324, max_step=5e-324, max_evaluations=1000)
+    assert run.status == "step_too_small"
+    assert run.statistics.steps == 0

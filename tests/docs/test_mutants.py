@@ -7,7 +7,7 @@ import mutant_cpp_places
 import mutant_places
 import pytest
 from mutant_runs import ROOT, installed
-from mutants import Results, selection
+from mutants import Results, equivalent, selection
 
 COUNT, CPP = 40, 8
 
@@ -76,6 +76,18 @@ def test_an_incompetent_mutant_is_drawn_again_from_the_same_kind(streams, mutant
     again = selection(streams(1), results)
     assert mutants[0] not in again and len(again) == COUNT
     assert [m.kind for m in again] == [m.kind for m in mutants]
+
+
+def test_equivalent_mutants_are_places_of_the_code_and_are_not_drawn(mutants):
+    known = equivalent()
+    folders = {False: installed(), True: ROOT / "src" / "cpp"}
+    for (file, before, after), reason in known.items():
+        is_cpp, name = file.startswith("cpp/"), file.removeprefix("cpp/")
+        places = mutant_cpp_places.cpp_places_in if is_cpp else mutant_places.places_in
+        text = (folders[is_cpp] / name).read_text("utf-8")
+        assert (file, before, after) in {m.change for m in places(text, name)}, "the code has changed: is it still so?"
+        assert reason.endswith(".") and before != after
+    assert not known.keys() & {m.change for m in mutants}
 
 
 def test_python_places_have_each_kind_of_fault():
