@@ -14,7 +14,13 @@ COUNT, CPP = 40, 8
 
 @pytest.fixture(scope="module")
 def streams():
-    python, cpp = mutant_places.python_places(installed()), mutant_cpp_places.cpp_places(ROOT / "src" / "cpp")
+    """The streams of a seed, of one room of Python and of all of C++."""
+    python = [
+        mutant
+        for path in (installed() / "motion").glob("*.py")
+        for mutant in mutant_places.places_in(path.read_text("utf-8"), f"motion/{path.name}")
+    ]
+    cpp = mutant_cpp_places.cpp_places(ROOT / "src" / "cpp")
     return lambda seed: [(mutant_places.drawn(python, seed), COUNT - CPP), (mutant_places.drawn(cpp, seed), CPP)]
 
 
@@ -37,6 +43,12 @@ def test_a_seed_draws_the_same_mutants_and_another_seed_others(streams, mutants)
     assert selection(streams(1), Results(None)) == mutants
     others = {m.name for m in selection(streams(2), Results(None))}
     assert len(others & {m.name for m in mutants}) < COUNT / 4
+
+
+@pytest.mark.tier2
+def test_places_are_in_all_rooms_that_compute():
+    rooms = {mutant.room for mutant in mutant_places.python_places(installed())}
+    assert rooms == {*mutant_places.ROOMS, *mutant_places.SOME_OF, "numerics"}
 
 
 def test_a_change_of_the_code_leaves_the_mutants_of_the_rest():
