@@ -23,7 +23,6 @@ from bellcrank.motion.coordinates import Array
 
 KINDS = ("constant", "trapezoid", "quintic", "s_curve")
 LEAST, MOST = 1e-30, 1e30  # of distances, times and limits, in SI units: fifth powers of them are numbers
-SAME = 1e-12  # of the whole distance: distances closer than this are one
 _UNITS = {"distance": "m", "duration": "s", "speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³"}
 
 
@@ -87,13 +86,10 @@ class Profile:
         return time, s, speed, acceleration
 
     def _times_within(self, k: int, distances: Array) -> Array:
-        """The times strictly inside piece k at which distances are reached, those next to its ends left out: near rest
-        a distance that differs by rounding is reached at a time that differs by the root of it.
-        """
+        """The times strictly inside piece k at which distances are reached, those next to its ends left out."""
         begin, end = float(self.breaks[k]), float(self.breaks[k + 1])
         edges = self._piece(k, np.array([begin, end]))[0]
-        same = SAME * self.distance
-        wanted = distances[(distances > edges[0] + same) & (distances < edges[1] - same)]
+        wanted = distances[(distances > edges[0]) & (distances < edges[1])]
         low, high = np.full(len(wanted), begin), np.full(len(wanted), end)
         for _ in range(100):  # the distance increases: bisection to the last digit
             middle = (low + high) / 2.0

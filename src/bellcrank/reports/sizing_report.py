@@ -67,10 +67,8 @@ def _power(peak: Peak | None) -> str:
 def _status(sizing: Sizing) -> str:
     if sizing.unsizable:
         return "Cannot be sized"
-    if sizing.exceeded:
+    if not sizing.inside:
         return "Exceeded"
-    if sizing.undetermined:
-        return "Not known"
     if sizing.unknown:
         return "Inside as far as known"
     return "OK" if any(_limited(sizing)) else "No limits"

@@ -205,16 +205,7 @@ class SizingRunner(Portable):
         """The sizing with changed values, and motions that take other durations, s."""
         scene = self._scene(overrides)
         mechanism, motions, actuators = self._inputs(scene, durations)
-        config = scene.config
-        return size_mechanism(
-            mechanism,
-            motions,
-            actuators,
-            transmissions=config.transmissions,
-            duty=config.duty or None,
-            mounts=config.mounts,
-            conditions=config.conditions,
-        )
+        return size_mechanism(mechanism, motions, actuators, transmissions=scene.config.transmissions)
 
     def _scene(self, overrides: Mapping[str, Any]) -> Scene:
         return self.scene.with_overrides(overrides) if overrides else self.scene
