@@ -200,7 +200,7 @@ def casadi_square() -> Any:
 def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Every public function and method with arguments that it takes, cheap ones; files go into the working folder."""
     robot = bc.load_robot("planar_2r")
-    pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar")
+    pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar", {"motions.unfold.samples": 21})
     linkage, linear = bc.Linkage(four_bar), bc.linearise(pendulum)
     hanging = bc.load_scene("pendulum", {"initial.swing": 0.0})
     loci, periodic = bc.root_loci(pendulum, "initial.swing", [0.1, 0.2]), bc.floquet(hanging, 1.0)
@@ -212,7 +212,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     locking = bc.simulate(four_bar, samples=3, sensitivities=["crank_length"]).sensitivity("crank_length")
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
     sizing = bc.size(robot, motion, {"shoulder": actuator})
-    sized = bc.size("four_bar", "unfold")
+    sized = bc.size(four_bar, "unfold")
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
     found = bc.sobol_indices(pendulum, {"simulate.rtol": "uniform(1e-7, 1e-6)"}, n=2,
                              overrides={"simulate.duration": 0.01})  # fmt: skip

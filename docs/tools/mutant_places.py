@@ -85,6 +85,12 @@ class Mutant:
         after = " ".join(self.after.split())
         return f'{shown}:{self.line}:{self.column + 1} {self.kind} "{before}" -> "{after}"'
 
+    @property
+    def change(self) -> tuple[str, str, str]:
+        """The file, and the line before and after the change, without spaces around: the same wherever the line is."""
+        before, rest = self.source[: self.column], self.source[self.column + self.end - self.start :]
+        return self.name.partition(":")[0], self.source.strip(), f"{before}{self.after}{rest}".strip()
+
     def applied(self, text: str) -> str:
         """The text of the file with the change."""
         return text[: self.start] + self.after + text[self.end :]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.metadata
 import importlib.util
 import json
 import os
@@ -59,6 +60,18 @@ def environment(copy: Path) -> dict[str, str]:
         "BELLCRANK_CPP_SOURCES": str(copy / "src" / "cpp" if (copy / "src" / "cpp").exists() else ROOT / "src" / "cpp"),
         "TMPDIR": str(copy / "tmp"),
     }
+
+
+def lacks_for_cpp() -> list[str]:
+    """What this environment lacks to compile the extensions."""
+    path = environment(ROOT)["PATH"]
+    programs = [name for name in ("g++", "cmake", "ninja") if shutil.which(name, path=path) is None]
+    try:
+        importlib.metadata.distribution("cmeel-eigen")
+        eigen = []
+    except importlib.metadata.PackageNotFoundError:
+        eigen = ["cmeel-eigen"]
+    return programs + ["nanobind"] * (importlib.util.find_spec("nanobind") is None) + eigen
 
 
 class Builds:

@@ -5,9 +5,13 @@
     python docs/tools/mutants.py --tier 2 --out mutants.jsonl --survivors   # those that tier 1 did not find
 
 mutant_places.py says what a mutant is. Each is put into a copy of the installed package, in a temporary folder that
-comes first on the import path; a mutant of C++ is compiled into its extension there. The tests are those of this
-checkout, stopped at the first that fails. A mutant that cannot be imported or compiled is not counted; another is
-drawn, unless it is a static_assert that fails. One on which a test never ends is killed by that test.
+comes first on the import path; a mutant of C++ is compiled into its extension there, which needs g++, cmake and ninja
+and, in this environment, nanobind and cmeel-eigen (CONTRIBUTING.md, "Set up"); without them, --cpp 0. The tests are
+those of this checkout, stopped at the first that fails. One on which a test never ends is killed by that test.
+
+A mutant that cannot be imported or compiled is not counted, and another is drawn, unless it is a static_assert that
+fails. Nor is one that no test can find, because the program does the same: mutants_equivalent.yaml has its file, its
+line before and after, and the reason.
 
 First the tests of the tier run once on an unchanged copy, which gives their durations and leaves out those that fail
 (not with --durations, a JUnit file of such a run). With --coverage, a file of
@@ -35,9 +39,10 @@ from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mutant_cpp_places import cpp_places
 from mutant_places import KINDS, Mutant, drawn, python_places
-from mutant_runs import ROOT, Builds, Record, applied, copied, end_all, installed, run_tests
+from mutant_runs import ROOT, Builds, Record, applied, copied, end_all, installed, lacks_for_cpp, run_tests
 
 TIERS = {1: "not tier2", 2: "tier2"}
 CHEAP = 40  # tests of those that reach the line that run before the others
@@ -45,6 +50,7 @@ FOR_CPP = ("simulation", "planning", "studies", "dynamics", "codegen", "cpp")  #
 REACHES = ("covering", "near", "all")
 NOT_COUNTED = "incompetent"
 ASSERTION = "static assertion failed"  # a test that the compiler runs
+EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
 
 
 @dataclass
@@ -76,14 +82,22 @@ class Results:
         return any(record["outcome"] in ("killed", "timed out") for record in self.of(mutant).values())
 
 
+def equivalent() -> dict[tuple[str, str, str], str]:
+    """The reason why the program does the same, of each change (`Mutant.change`) of which that is known."""
+    entries = yaml.safe_load(EQUIVALENT.read_text("utf-8"))
+    return {(one["file"], one["before"], one["after"]): one["reason"] for one in entries}
+
+
 def selection(streams: Iterable[tuple[dict[str, list[Mutant]], int]], results: Results) -> list[Mutant]:
     """Of each pair of drawn mutants and a number that many, equally of each kind, less those that do not count."""
     bad = {record["mutant"] for record in results.records if record.get("outcome") == NOT_COUNTED}
+    same = equivalent()
     found: list[Mutant] = []
     for stream, count in streams:
         shares = [count // len(KINDS) + (k < count % len(KINDS)) for k in range(len(KINDS))]
         kinds = [
-            [m for m in stream[kind] if m.name not in bad][:share] for kind, share in zip(KINDS, shares, strict=True)
+            [m for m in stream[kind] if m.name not in bad and m.change not in same][:share]
+            for kind, share in zip(KINDS, shares, strict=True)
         ]
         found += [m for m in chain.from_iterable(zip_longest(*kinds)) if m]
     return found
@@ -275,6 +289,8 @@ def main() -> None:
         seconds = baseline(package, args.tests, marker)
         results.add(baseline=key, durations=seconds)
     coverage, builds = Coverage(args.coverage), Builds(args.build)
+    if args.cpp and (lacks := lacks_for_cpp()):
+        raise SystemExit(f"mutants of C++ cannot be compiled without {', '.join(lacks)} (CONTRIBUTING.md); --cpp 0")
 
     def run(mutant: Mutant) -> None:
         record = judged(mutant, package, builds, plan(mutant, seconds, coverage, args.reach), seconds)

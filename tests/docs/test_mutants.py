@@ -7,14 +7,20 @@ import mutant_cpp_places
 import mutant_places
 import pytest
 from mutant_runs import ROOT, installed
-from mutants import Results, selection
+from mutants import Results, equivalent, selection
 
 COUNT, CPP = 40, 8
 
 
 @pytest.fixture(scope="module")
 def streams():
-    python, cpp = mutant_places.python_places(installed()), mutant_cpp_places.cpp_places(ROOT / "src" / "cpp")
+    """The streams of a seed, of one room of Python and of all of C++."""
+    python = [
+        mutant
+        for path in (installed() / "motion").glob("*.py")
+        for mutant in mutant_places.places_in(path.read_text("utf-8"), f"motion/{path.name}")
+    ]
+    cpp = mutant_cpp_places.cpp_places(ROOT / "src" / "cpp")
     return lambda seed: [(mutant_places.drawn(python, seed), COUNT - CPP), (mutant_places.drawn(cpp, seed), CPP)]
 
 
@@ -37,6 +43,12 @@ def test_a_seed_draws_the_same_mutants_and_another_seed_others(streams, mutants)
     assert selection(streams(1), Results(None)) == mutants
     others = {m.name for m in selection(streams(2), Results(None))}
     assert len(others & {m.name for m in mutants}) < COUNT / 4
+
+
+@pytest.mark.tier2
+def test_places_are_in_all_rooms_that_compute():
+    rooms = {mutant.room for mutant in mutant_places.python_places(installed())}
+    assert rooms == {*mutant_places.ROOMS, *mutant_places.SOME_OF, "numerics"}
 
 
 def test_a_change_of_the_code_leaves_the_mutants_of_the_rest():
@@ -76,6 +88,18 @@ def test_an_incompetent_mutant_is_drawn_again_from_the_same_kind(streams, mutant
     again = selection(streams(1), results)
     assert mutants[0] not in again and len(again) == COUNT
     assert [m.kind for m in again] == [m.kind for m in mutants]
+
+
+def test_equivalent_mutants_are_places_of_the_code_and_are_not_drawn(mutants):
+    known = equivalent()
+    folders = {False: installed(), True: ROOT / "src" / "cpp"}
+    for (file, before, after), reason in known.items():
+        is_cpp, name = file.startswith("cpp/"), file.removeprefix("cpp/")
+        places = mutant_cpp_places.cpp_places_in if is_cpp else mutant_places.places_in
+        text = (folders[is_cpp] / name).read_text("utf-8")
+        assert (file, before, after) in {m.change for m in places(text, name)}, "the code has changed: is it still so?"
+        assert reason.endswith(".") and before != after
+    assert not known.keys() & {m.change for m in mutants}
 
 
 def test_python_places_have_each_kind_of_fault():

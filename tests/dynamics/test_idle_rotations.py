@@ -68,6 +68,23 @@ def test_a_rod_between_two_balls_turns_freely(tmp_path):
     assert 0.0 < np.abs(torque - free).max() < 2e-3 * np.abs(torque).max()
 
 
+def test_the_rod_accelerates_by_itself_so_that_no_torque_turns_it(tmp_path):
+    """Torque, force at the pin and the rod's own acceleration α together solve S τ + Jᵀ λ − M n α = M a + h."""
+    linkage = bc.Linkage(bc.load_scene(written(tmp_path, "spherical")))
+    motion, robot = linkage.motion("wave"), linkage.robot
+    torque, force = linkage.torques(motion.time, motion.position, motion.velocity, motion.acceleration)
+    turn, own = np.zeros((2, robot.nv))
+    turn[robot.joint("turn").v] = own[robot.joint("ball").v] = 1.0  # the rod lies along its own x
+    need = robot.inverse_dynamics(motion.position, motion.velocity, motion.acceleration)
+    jacobians = linkage.kinematics.jacobian(motion.time, motion.position)
+    for k in range(0, len(motion.time), len(motion.time) // 7):
+        mass = robot.mass_matrix(motion.position[k])
+        balance = np.column_stack([turn, jacobians[k].T, -mass @ own])
+        (tau, *pin, _), *_ = np.linalg.lstsq(balance, need[k], rcond=None)
+        np.testing.assert_allclose(torque[k], tau, rtol=1e-9)
+        np.testing.assert_allclose(force[k], pin, rtol=1e-9)
+
+
 def test_the_torque_is_the_power_of_the_motion(tmp_path):
     linkage = bc.Linkage(bc.load_scene(written(tmp_path, "universal", '<axis xyz="0 1 0"/><axis2 xyz="0 0 1"/>')))
     motion = linkage.motion("wave")

@@ -53,6 +53,18 @@ def test_every_crossing_of_a_function_that_oscillates_within_a_step_is_found(whe
     assert run.warnings == ()
 
 
+@pytest.mark.parametrize("solver", ["DOP853", "RK45", "Radau"])
+def test_the_state_of_an_event_is_on_its_level_however_loose_the_tolerance(wheel, solver):
+    """The dense output of such long steps is off by up to 6e-4: the event is that of a step which ends there."""
+    spring = {"kind": "joint_spring", "joint": "spin", "stiffness": 1.0}  # q = cos t
+    event = {"name": "e", "when": {"expression": "spin.position - 0.4"}, "stop": True}
+    changes = {"forces": [spring], "events": [event], "initial": {"spin": 1.0}}
+    run = bc.simulate(wheel, duration=6.0, solver=solver, rtol=1e-3, atol=1e-3, samples=2, overrides=changes)
+    assert run.statistics.steps < 10
+    assert run.events[0].position[0] == pytest.approx(0.4, abs=1e-14)
+    assert run.time[-1] == run.events[0].time == pytest.approx(np.arccos(0.4), abs=1e-3)
+
+
 @pytest.mark.tier2
 def test_every_crossing_is_found_whatever_the_frequency_and_phase(wheel):
     random = np.random.default_rng(7)
