@@ -107,6 +107,8 @@ def _section(fields: Fields) -> str | None:
         return None if rest else f"{top[:-2]}: {fields._data.get('kind', '?')}"
     if top in ("frames", "actuators", "mounts", "parameters", "outputs", "friction") and rest:
         return None if "." in rest else f"{top}.NAME"
+    if top == "conditions" and rest:
+        return None
     if top == "base" or (top == "initial" and rest not in ("", "velocity")):
         if "." in rest or (top == "base" and rest):
             return None

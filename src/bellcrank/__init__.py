@@ -39,6 +39,8 @@ _HOME = {
     "write_catalogue": "actuators.catalogue_writer",
     "Sizing": "sizing.result",
     "size": "sizing.size",
+    "DriveVerdicts": "sizing.drive_verdicts",
+    "judge": "sizing.judge",
     "SizingSensitivity": "sizing.sensitivities",
     "JointSensitivity": "sizing.sensitivities",
     "Selection": "sizing.selection.selection",
@@ -97,6 +99,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CompileError",
     "Conditions",
     "CoupledTransmission",
+    "DriveVerdicts",
     "EventSensitivity",
     "FastestMotion",
     "FloquetModes",
@@ -142,6 +145,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "floquet",
     "join",
     "joint_path",
+    "judge",
     "line",
     "linearise",
     "load_catalogue",
@@ -224,6 +228,8 @@ if TYPE_CHECKING:
     from bellcrank.simulation.sensitivities import EventSensitivity, RunSensitivity
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.sizing.drive_verdicts import DriveVerdicts
+    from bellcrank.sizing.judge import judge
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection import Selection

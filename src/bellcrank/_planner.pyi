@@ -30,11 +30,11 @@ class LimitArrays:
         bend: Array,
         across: Array,
         norm: Array,
-        creep: float,
         rows: list[Row],
         curves: list[Sequence[tuple[float, float]]],
     ) -> None: ...
 
+def lower_bound(limits: LimitArrays, r: Array, ds: Array) -> tuple[float, Array]: ...
 def fastest_on_grid(limits: LimitArrays, s: Array, begin: float, end: float) -> dict[str, Any]: ...
 def fastest_refined(
     limits: LimitArrays,

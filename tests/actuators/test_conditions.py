@@ -23,13 +23,13 @@ from bellcrank.errors import InputError
         ("safety_factor", 0.9, "argument 'safety_factor': expected a finite number of at least 1"),
         ("brake", 1, "argument 'brake': expected True or False, found 1"),
         ("life", 0, "argument 'life': expected a finite number of more than 0"),
-        ("assumed", {"gear.efficency": 0.7}, "unknown field 'gear.efficency'; did you mean 'gear.efficiency'?"),
-        ("assumed", {"efficiency": 0.7}, "unknown field 'efficiency'"),
-        ("assumed", {"gear.kind": 1.0}, "unknown field 'gear.kind'"),
-        ("assumed", {"gear.efficiency": 1.7}, "argument 'efficiency': expected a finite number of more than 0 and at"),
-        ("assumed", {"gear.efficiency": "a lot"}, "argument 'assumed['gear.efficiency']': expected a finite number"),
-        ("assumed", 0.7, "argument 'assumed': expected a mapping of fields of motors and gears to numbers"),
-        ("assumed", (0.7,), "argument 'assumed': expected a mapping of fields of motors and gears to numbers"),
+        ("assume", {"gear.efficency": 0.7}, "unknown field 'gear.efficency'; did you mean 'gear.efficiency'?"),
+        ("assume", {"efficiency": 0.7}, "unknown field 'efficiency'"),
+        ("assume", {"gear.kind": 1.0}, "unknown field 'gear.kind'"),
+        ("assume", {"gear.efficiency": 1.7}, "argument 'efficiency': expected a finite number of more than 0 and at"),
+        ("assume", {"gear.efficiency": "a lot"}, "argument 'assume['gear.efficiency']': expected a finite number"),
+        ("assume", 0.7, "argument 'assume': expected a mapping of fields of motors and gears to numbers"),
+        ("assume", (0.7,), "argument 'assume': expected a mapping of fields of motors and gears to numbers"),
     ],
 )
 def test_impossible_conditions_are_refused(field: str, value: Any, text: str) -> None:
@@ -39,9 +39,9 @@ def test_impossible_conditions_are_refused(field: str, value: Any, text: str) ->
 
 
 def test_assumed_values_fill_only_what_is_missing() -> None:
-    conditions = Conditions(assumed={"motor.mass": 2, "gear.efficiency": 0.7})
-    assert conditions.assumed == (("gear.efficiency", 0.7), ("motor.mass", 2.0))
-    assert Conditions(assumed=conditions.assumed) == conditions
+    conditions = Conditions(assume={"motor.mass": 2, "gear.efficiency": 0.7})
+    assert conditions.assume == (("gear.efficiency", 0.7), ("motor.mass", 2.0))
+    assert Conditions(assume=conditions.assume) == conditions
     gear = Gear(id="g", maker="", model="", kind="spur", ratio=5.0)
     motor = Motor(id="m", maker="", model="", mass=0.3)
     assert conditions.completed(gear).efficiency == 0.7

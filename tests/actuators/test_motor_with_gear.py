@@ -75,7 +75,7 @@ def test_what_a_row_does_not_state_is_unknown_and_never_a_pass() -> None:
     assert bare.known_inertia == pytest.approx(2500 * 1e-5)
     assert set(bare.unknown_limits) == {"the peak torque or current", "the voltage limit"}
     # an assumed value fills the hole, and only that
-    filled = Actuator.of(MOTOR, replace(GEAR, efficiency=None), Conditions(assumed={"gear.efficiency": 0.5}))
+    filled = Actuator.of(MOTOR, replace(GEAR, efficiency=None), Conditions(assume={"gear.efficiency": 0.5}))
     np.testing.assert_allclose(filled.shaft_torque(array(10.0), array(1.0), array(0.0)), 10.0 / (50 * 0.5))
     assert filled.gear.efficiency is None and filled.efficiency == 0.5
 
@@ -106,7 +106,7 @@ def test_every_row_of_the_bundled_catalogue_makes_an_actuator_that_reads_back_as
     for gear in catalogue.gears:
         if gear.ratio is None:  # offered with several ratios; `Actuator.of` refuses it
             continue
-        actuator = Actuator.of(MOTOR, gear, Conditions(assumed={"gear.efficiency": 0.7}))
+        actuator = Actuator.of(MOTOR, gear, Conditions(assume={"gear.efficiency": 0.7}))
         again = actuator_from_fields(Fields(actuator_data(actuator), "x.yaml"))
         assert isinstance(again, MotorWithGear)
         assert replace(again.gear, ratio=gear.ratio) == gear
@@ -135,7 +135,7 @@ def test_ids_mappings_and_conditions_are_read() -> None:
     assert actuator.ratio == pytest.approx(2 * math.pi / 0.005) and actuator.gear_inertia == pytest.approx(2e-6)
     assert actuator.conditions == Conditions(
         voltage=12.0, voltage_reserve=0.05, ambient=40.0, safety_factor=1.5,
-        assumed={"motor.max_speed": actuator.max_speed},
+        assume={"motor.max_speed": actuator.max_speed},
     )  # fmt: skip
     assert actuator.max_speed == pytest.approx(300 * math.pi)
 

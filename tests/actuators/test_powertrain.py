@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bellcrank.actuators.actuator import Actuator
@@ -15,7 +15,6 @@ from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains, body
 from bellcrank.actuators.product_arrays import GearArrays, MotorArrays
-from bellcrank.actuators.shaft_load import STANDSTILL
 
 MOTOR: dict[str, Any] = {
     "torque_constant": 0.08,
@@ -90,7 +89,7 @@ def test_power_in_is_power_out_and_losses(load: tuple[float, float, float], effi
 def test_the_electrical_torque_is_linear_in_five_features(load: tuple[float, float, float]) -> None:
     torque, speed, rate = load
     train = PowerTrains.of(motor(), gear())
-    motoring = torque * speed >= 0.0 or 50.0 * abs(speed) <= 1e-6
+    motoring = torque * speed >= 0.0
     features = [torque * motoring, torque * (not motoring), rate, np.sign(speed), speed]
     expected = float(train.load(np.array([torque]), np.array([speed]), np.array([rate])).electrical_torque[0])
     assert float(train.electrical_coefficients[0] @ features) == pytest.approx(expected, rel=1e-9, abs=1e-12)
@@ -142,7 +141,6 @@ def test_the_efficiency_over_load_holds_at_its_points() -> None:
 @given(loads)
 def test_a_gear_with_a_curve_never_makes_power(load: tuple[float, float, float]) -> None:
     torque, speed, _ = (np.array([x]) for x in load)
-    assume(speed[0] == 0.0 or abs(speed[0]) * 50.0 > STANDSTILL)  # slower, the load counts as held
     one = gear(efficiency=None, rated_torque=20.0, efficiency_curve=[(0.1, 0.3), (0.5, 0.7), (1.0, 0.8)])
     train = PowerTrains.of(motor(), one)
     assert float((train.gear_torque(torque, speed) * 50.0 - torque)[0] * speed[0]) >= -1e-9 * abs(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from own_products import write_products
 
+from bellcrank.actuators.condition_fields import KEYS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.cli import main
 from bellcrank.commands.select import conditions, parse_assumed, parse_kept, products
@@ -39,7 +40,8 @@ def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.Captur
     ]
     assert main(["select", "geared_pendulum", *given, "--out", str(out), "--write-config", str(card)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "small" in text and "g50" in text and "voltage 48 V less 10%" in text and "life 5000 h" in text
+    assert "small" in text and "g50" in text
+    assert "voltage 48 V (given) less 10%" in text and "life 5000 h (given)" in text
     assert "All inside" in text and f"wrote {card}" in text and str(out) in text
     document = json.loads((out / "selection.json").read_text())
     assert set(document["files"]) == {path.name for path in out.iterdir()}
@@ -94,7 +96,7 @@ def test_a_pair_that_is_kept_and_fails_is_exit_1(own: str, tmp_path: Path, capsy
         (["--motion", "lift"], "unknown motion 'lift'"),
         (["--voltage", "0"], "--voltage '0': expected a number of more than 0"),
         (["--voltage", "48 A"], "--voltage '48 A'"),
-        (["--reserve", "95%"], "--reserve '95%'"),
+        (["--voltage-reserve", "95%"], "--voltage-reserve '95%'"),
         (["--altitude", "9000"], "altitude"),
         (["--safety-factor", "0.5"], "--safety-factor '0.5'"),
         (["--assume", "gear.efficiency"], "expected FIELD=VALUE"),
@@ -150,17 +152,21 @@ def test_options_are_read_with_their_units() -> None:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     words = (
-        "ur5 --voltage 48V --reserve 5% --ambient 40 --altitude 2000 --safety-factor 1.2 --life 20000 --brake "
-        "--bus-capacitance 0.01 --bus-max-voltage 60 --brake-resistor 200 --supply-power 1.5kW "
-        "--assume gear.efficiency=0.7 --assume"
+        "ur5 --voltage 48V --voltage-reserve 5% --winding-temperature 80 --ambient 40 --altitude 2000 "
+        "--safety-factor 1.2 --life 20000 --brake --bus-capacitance 10mF --bus-max-voltage 60 "
+        "--brake-resistor-power 200 --supply-power 1.5kW --momentary-load elbow=80Nm --assume gear.efficiency=0.7 "
+        "--assume"
     )
-    given = parser.parse_args([*words.split(), "motor.rotor_inertia=20 g cm^2"])
-    assert conditions(given) == Conditions(
-        voltage=48.0, voltage_reserve=0.05, ambient=40.0, altitude=2000.0, safety_factor=1.2, life=20000.0, brake=True,
-        bus_capacitance=0.01, bus_max_voltage=60.0, brake_resistor_power=200.0, supply_power=1500.0,
-        assumed={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},
+    given = conditions(parser.parse_args([*words.split(), "motor.rotor_inertia=20 g cm^2"]))
+    assert set(given) == set(KEYS)
+    assert Conditions(**given) == Conditions(
+        voltage=48.0, voltage_reserve=0.05, winding_temperature=80.0, ambient=40.0, altitude=2000.0, safety_factor=1.2,
+        life=20000.0, brake=True, bus_capacitance=0.01, bus_max_voltage=60.0, brake_resistor_power=200.0,
+        supply_power=1500.0, momentary_loads={"elbow": 80.0},
+        assume={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},
     )  # fmt: skip
-    assert conditions(parser.parse_args(["ur5"])) == Conditions()
+    assert conditions(parser.parse_args(["ur5"])) == {}
+    assert conditions(parser.parse_args(["ur5", "--ambient", "25", "--no-brake"])) == {"ambient": 25.0, "brake": False}
     assert parse_kept(["a = m + g", "b=m"]) == {"a": "m + g", "b": "m"} and parse_assumed([]) == {}
 
 

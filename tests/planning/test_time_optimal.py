@@ -426,44 +426,6 @@ def test_a_stretch_of_the_path_that_nothing_limits_is_refused() -> None:
         bc.time_optimal(arm, path, limits, costs=False)
 
 
-def geared_elbow(folder: Path, ratings: str) -> bc.RobotConfig:
-    (folder / "arm.yaml").write_text(
-        "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\n"
-        f"actuators: {{elbow: {{ratio: 100, rated_speed: 300, max_speed: 400, {ratings}}}}}\n"
-    )
-    return bc.load_robot_config(folder / "arm.yaml")
-
-
-@pytest.mark.tier2
-def test_accelerations_that_efficiency_splits_in_two_are_told_without_a_grid_too(tmp_path: Path) -> None:
-    ratings = "rotor_inertia: 1.8697e-4, peak_torque: 0.84188, rated_torque: 0.42, efficiency: 0.74912"
-    config = geared_elbow(tmp_path, ratings)
-    path = bc.joint_path(config.robot(), [[-1.58224779, -0.47293647], [-2.20925269, 0.52147643]])
-    limits = bc.MotionLimits(torque={"shoulder": 404.54393}, speed="none")
-    for grid in (200, None):
-        found = bc.time_optimal(config, path, limits, grid=grid, costs=False)
-        assert any("splits the allowed accelerations in two" in warning for warning in found.warnings), grid
-
-
-@pytest.mark.tier2
-def test_where_holes_spoil_cells_that_adapt_themselves_a_grid_keeps_the_limits_better(tmp_path: Path) -> None:
-    file = tmp_path / "arm.yaml"
-    file.write_text(
-        "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\nduty: [there]\nmotions:\n"
-        "  there: {kind: point_to_point, positions: [{}, {elbow: 1.0}], speed: 1.0, acceleration: 1.0}\n"
-        "actuators:\n  elbow: {ratio: 100, efficiency: 0.3954725827225761, rotor_inertia: 0.00019788630017258737,\n"
-        "          peak_torque: 2.2185904488089223, rated_torque: 1.1, rated_speed: 300, max_speed: 400}\n"
-    )
-    config = bc.load_robot_config(file)
-    path = bc.joint_path(config.robot(), [[-0.67664091, -1.99177654], [-1.95160748, -0.8781722]])
-    limits = bc.MotionLimits(torque={"shoulder": 1724.909680486338}, speed="none")
-    found = bc.time_optimal(config, path, limits, costs=False)
-    assert not found.refined
-    assert found.excess < 0.02  # cells that adapt themselves: 0.66
-    for told in ("splits the allowed accelerations", "equal cells", "exceeds a limit", "duty program"):
-        assert any(told in warning for warning in found.warnings), told
-
-
 def test_a_urdf_that_gives_0_gives_no_limit(tmp_path: Path) -> None:
     path = tmp_path / "rotor.urdf"
     path.write_text(ROTOR.format(x=LENGTH, mass=MASS, inertia=INERTIA).replace('effort="5"', 'effort="0"'))

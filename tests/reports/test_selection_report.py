@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from sample_selection import BARE, FULL, HARMONIC, PLANET, SILENT, STRONG, candidate, candidates, selection
 
+from bellcrank.actuators.condition_fields import KEYS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.replays.film.selection_film import LINK_OPACITY, STRIPES, film_of_selection
@@ -79,20 +80,27 @@ def test_the_choice_names_products_and_says_unknown_where_a_figure_is(chosen):
 
 def test_conditions_say_what_is_assumed_and_what_each_pass_chose(chosen):
     conditions = Conditions(
-        voltage=48.0, ambient=40.0, assumed={"gear.efficiency": 0.7, "motor.mass": 1.0}, momentary_loads={"elbow": 80.0}
+        voltage=48.0, ambient=40.0, assume={"gear.efficiency": 0.7, "motor.mass": 1.0}, momentary_loads={"elbow": 80.0}
     )
     rows = dict(conditions_facts(dataclasses.replace(chosen, conditions=conditions)).rows)
-    assert rows["bus voltage"] == "48 V" and rows["ambient temperature"] == "40 °C"
-    assert rows["voltage reserve for control"] == "10 %" and rows["rare loads"] == "elbow: 80 N m"
-    assert rows["assumed where not stated"] == "gear.efficiency = 0.7; motor.mass = 1"
+    assert rows["bus voltage"] == "48 V (given)" and rows["ambient temperature"] == "40 °C (given)"
+    assert rows["voltage reserve for control"] == "10 %" and rows["rare loads"] == "elbow: 80 N m (given)"
+    assert rows["assumed where not stated"] == "gear.efficiency = 0.7 (given); motor.mass = 1 (given)"
     assert rows["pass 2 of the feedback of masses"] == "s40+wave; strong+wave"
     without = dict(conditions_facts(chosen).rows)
     assert without["bus voltage"] == "each motor's nominal voltage" and "nothing" in without["assumed where not stated"]
 
 
+def test_conditions_of_an_axis_follow_where_they_are_not_those_of_the_robot(chosen):
+    elbow = chosen.conditions.updated({"voltage": 24.0, "safety_factor": 1.2}, "actuators.elbow")
+    axes = (chosen.axes[0], dataclasses.replace(chosen.axes[1], conditions=elbow))
+    rows = dict(conditions_facts(dataclasses.replace(chosen, axes=axes)).rows)
+    assert rows["at elbow"] == "voltage 24 V (actuators.elbow)" and "at shoulder" not in rows
+
+
 def test_every_condition_is_listed(chosen):
-    assert len(conditions_facts(chosen).rows) == len(dataclasses.fields(Conditions)) + len(chosen.iterations)
-    assert {field.name for field in dataclasses.fields(Conditions)} == {*WORDS, "assumed", "momentary_loads"}
+    assert len(conditions_facts(chosen).rows) == len(KEYS) + len(chosen.iterations)
+    assert {field.name for field in dataclasses.fields(Conditions)} == {*WORDS, "assume", "momentary_loads", "sources"}
 
 
 # ---- its data

@@ -164,20 +164,29 @@ def test_pieces_of_acceleration_under_tables_of_forces_are_sized_as_their_integr
     sizing = bc.size(pushed(tmp_path, rows, list(zip(at.tolist(), force.tolist(), strict=True)), interpolation))
     line, history = sizing.joint("slide"), sizing.histories["go"].joint("slide").torque
     edges = np.unique(np.round(np.concatenate([ends, at[(at > 0.0) & (at < ends[-1])]]), 9))
+
+    def held_at(t: float) -> float:
+        if interpolation == "linear":
+            return float(np.interp(t, at, force))
+        return float(force[max(int(np.searchsorted(at, t, side="right")) - 1, 0)])
+
     torques, square, energy = [], 0.0, np.zeros(2)
     for low, high in pairwise(edges):
         middle = 0.5 * (low + high)
         k = int(np.searchsorted(ends, middle)) - 1
         t = np.linspace(low, high, 4001)
-        held = force[max(int(np.searchsorted(at, middle)) - 1, 0)]
-        torque = 2.0 * a[k] - (np.full(len(t), held) if interpolation == "hold" else np.interp(t, at, force))
+        torque = 2.0 * a[k] - np.array(
+            [held_at(middle)] * len(t) if interpolation == "hold" else np.interp(t, at, force)
+        )
         power = torque * (rows[2 * k][2] + a[k] * (t - ends[k]))
         torques += [torque.min(), torque.max()]
         square += np.trapezoid(torque**2, t)
         energy += [np.trapezoid(np.maximum(power, 0.0), t), np.trapezoid(np.maximum(-power, 0.0), t)]
     largest = np.abs(torques).max()
-    for found in ((line.max_torque, line.min_torque), (history.max(), history.min())):
-        np.testing.assert_allclose(found, (max(torques), min(torques)), rtol=0, atol=1e-8 * largest)
+    np.testing.assert_allclose((history.max(), history.min()), (max(torques), min(torques)), atol=1e-8 * largest)
+    torques.append(-held_at(0.0))  # at rest before the motion starts
+    found = line.max_torque, line.min_torque
+    np.testing.assert_allclose(found, (max(torques), min(torques)), rtol=0, atol=1e-8 * largest)
     assert line.rms_torque == pytest.approx(np.sqrt(square / ends[-1]), rel=1e-6)  # the trapezoids' own error: 1e-7
     np.testing.assert_allclose((line.motoring_energy, line.regenerated_energy), energy, atol=1e-5 * energy.sum())
 

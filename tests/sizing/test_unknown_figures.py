@@ -22,6 +22,7 @@ from bellcrank.reports.input_tables import actuator_table
 from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.size import size
 from bellcrank.sizing.sizing_files import csv_text, json_text, write_histories
 from bellcrank.sizing.tables import sizing_html, table, verdict
@@ -29,10 +30,17 @@ from bellcrank.sizing.tables import sizing_html, table, verdict
 MOTOR = Motor(
     id="m", maker="A", model="M", nominal_voltage=48.0, torque_constant=0.1, torque_constant_basis="dc",
     resistance=0.5, no_load_current=0.1, rotor_inertia=5e-6, nominal_torque=0.5, nominal_speed=300.0, peak_torque=1.5,
-    max_speed=400.0, mass=0.6,
+    max_speed=400.0, mass=0.6, resistance_winding_housing=1.0, resistance_housing_ambient=3.0,
+    time_constant_winding=20.0, time_constant_motor=600.0, max_winding_temperature=155.0, peak_time=3.0,
 )  # fmt: skip
-UNRATED = {"peak torque", "rated torque", "torque-speed curve"}
-GEAR = Gear(id="g", maker="B", model="G", kind="planetary", ratio=50.0, efficiency=0.8, inertia=1e-6, mass=0.4)
+GEAR = Gear(
+    id="g", maker="B", model="G", kind="planetary", ratio=50.0, efficiency=0.8, inertia=1e-6, mass=0.4,
+    max_speed=500.0, average_speed=300.0, repeated_peak_torque=40.0, average_torque=20.0,
+    life_exponent=3.0,
+)  # fmt: skip
+OF_GEAR_SPEED = {"gear largest input speed", "gear average input speed"}
+OF_GEAR_TORQUE = {"gear repeated peak torque", "gear average torque"}
+OF_SHAFT = {"continuous torque", "peak torque", "voltage limit", "peak duration", "winding temperature"}
 
 
 def sized(motor: Motor = MOTOR, gear: Gear = GEAR, conditions: Conditions | None = None) -> Sizing:
@@ -51,7 +59,7 @@ def test_a_complete_motor_is_judged_as_ratings_are() -> None:
     assert shaft.peak_torque.value == pytest.approx(before.peak_torque.value, rel=1e-9)
     assert shaft.rms_torque == pytest.approx(before.rms_torque, rel=1e-9)
     assert shaft.margins["peak torque"] == pytest.approx(1 - shaft.peak_torque.value / 1.5)
-    assert shaft.margins["rated torque"] == pytest.approx(1 - (shaft.rms_torque or 0.0) / 0.5)
+    assert shaft.margins["continuous torque"] == pytest.approx(1 - (shaft.rms_torque or 0.0) / 0.5)
     assert not sizing.unknown and shaft.state == "inside" and sizing.inside
     assert sizing.peak_supply_power is not None and sizing.peak_supply_power > 20.51  # of the joint, plus losses
 
@@ -60,14 +68,14 @@ def test_a_complete_motor_is_judged_as_ratings_are() -> None:
 @pytest.mark.parametrize(
     ("motor", "gear", "unknown", "missing"),
     [
-        ({}, {"efficiency": None}, {"peak torque", "rated torque", "torque-speed curve"}, "the gear's efficiency"),
-        ({"rotor_inertia": None}, {}, {"peak torque", "rated torque", "torque-speed curve"}, "the rotor inertia"),
-        ({}, {"inertia": None}, {"peak torque", "rated torque", "torque-speed curve"}, "the gear's inertia"),
-        ({"max_speed": None}, {}, {"speed"}, "the largest speed"),
-        ({"peak_torque": None, "nominal_torque": None}, {}, UNRATED, "the peak torque"),
-        ({"peak_torque": None, "nominal_torque": 0.2}, {}, {"peak torque", "torque-speed curve"}, "the peak torque"),
-        ({"resistance": None}, {}, {"torque-speed curve"}, "the voltage limit"),
-        ({"nominal_torque": None}, {}, {"rated torque"}, "the continuous torque"),
+        ({}, {"efficiency": None}, OF_SHAFT, "the gear's efficiency"),
+        ({"rotor_inertia": None}, {}, OF_SHAFT, "the motor's rotor inertia"),
+        ({}, {"inertia": None}, OF_SHAFT, "the gear's inertia"),
+        ({}, {"max_speed": None, "average_speed": None}, OF_GEAR_SPEED, "speed"),
+        ({}, {"repeated_peak_torque": None, "average_torque": None}, OF_GEAR_TORQUE, "torque"),
+        ({"max_speed": None, "nominal_speed": None}, {}, {"motor speed"}, "the motor's max speed"),
+        ({"peak_torque": None, "nominal_torque": 0.2}, {}, {"peak torque"}, "the motor's peak torque"),
+        ({"resistance": None}, {}, {"voltage limit", "winding temperature"}, "the motor's resistance"),
     ],
 )
 def test_an_unknown_figure_is_said_everywhere(
@@ -75,9 +83,11 @@ def test_an_unknown_figure_is_said_everywhere(
 ) -> None:
     sizing = sized(replace(MOTOR, **motor), replace(GEAR, **gear))
     shaft = sizing.joint("shoulder").shaft
-    assert shaft is not None and set(shaft.unknown) == unknown and missing in shaft.unknown[min(unknown)]
+    assert shaft is not None and set(shaft.unknown) == unknown and all(missing in one for one in shaft.unknown.values())
     assert {name for name, margin in shaft.margins.items() if margin is None} == unknown
-    assert sizing.inside and shaft.state == "inside as far as known" and "as far as known" in repr(sizing)
+    state = "not verified" if unknown & MAIN else "inside as far as known"
+    assert sizing.inside and shaft.state == state and sizing.verified == (not unknown & MAIN)
+    assert "as far as known" in repr(sizing)
     for text in (verdict(sizing), sizing_html(sizing)):
         assert "Inside as far as known" in text and "All inside" not in text and missing.split("'")[-1] in text
     assert "unknown" in table(sizing) and "nan" not in table(sizing)
@@ -86,8 +96,8 @@ def test_an_unknown_figure_is_said_everywhere(
     margins = document["joints"][0]["shaft"]["margins"]
     assert {name for name, margin in margins.items() if margin is None} == unknown
     [row] = csv.DictReader(csv_text(sizing).splitlines())
-    assert row["shaft verdict"] == "inside as far as known"
-    assert all((row[f"shaft {name} margin [1]"] == "") == (name in unknown) for name in margins)
+    assert row["shaft verdict"] == state
+    assert all((row[f"{name} margin [1]"] == "") == (name in unknown) for name in margins)
     assert all("nan" not in path.read_text() for path in write_histories(sizing, tmp_path))
     assert sizing_figures(sizing)["motor_torque_speed.png"].axes
     assert sizing.inputs is not None and all(
@@ -98,25 +108,22 @@ def test_an_unknown_figure_is_said_everywhere(
 def test_the_rated_torque_shows_that_a_smaller_load_is_below_an_unknown_peak_torque() -> None:
     shaft, full = (sized(motor).joint("shoulder").shaft for motor in (replace(MOTOR, peak_torque=None), MOTOR))
     assert shaft is not None and full is not None and shaft.peak_torque is not None and not shaft.unknown
-    assert shaft.margins["peak torque"] == pytest.approx(1 - shaft.peak_torque.value / 0.5)
-    for name in ("peak torque", "torque-speed curve"):  # lower bounds
-        bound, exact = shaft.margins[name], full.margins[name]
-        assert bound is not None and exact is not None and 0.0 < bound <= exact
+    bound, exact = shaft.margins["peak torque"], full.margins["peak torque"]
+    assert bound == pytest.approx(1 - shaft.peak_torque.value / 0.5) and exact is not None and 0.0 < bound <= exact
 
 
 def test_an_exceeded_limit_stays_exceeded_beside_unknown_ones() -> None:
     sizing = sized(replace(MOTOR, nominal_speed=50.0, max_speed=100.0), replace(GEAR, efficiency=None))
     shaft = sizing.joint("shoulder").shaft
-    assert not sizing.inside and shaft is not None and shaft.tightest == "speed"
-    assert shaft.verdict.startswith("exceeded (speed -47.3%; unknown: peak torque")
-    assert "EXCEEDED: 1 limit" in verdict(sizing) and "Not compared:" in verdict(sizing)
+    assert not sizing.inside and shaft is not None and shaft.tightest == "motor speed"
+    assert shaft.verdict == "exceeded (motor speed -47.3%; 5 unknown)"
+    assert "EXCEEDED: 1 limit" in verdict(sizing) and "Unknown, because" in verdict(sizing)
 
 
-def test_a_curve_that_is_exceeded_where_it_is_known_is_exceeded() -> None:
-    """The voltage of 4 V does not reach the speed, whatever the peak torque is."""
+def test_a_voltage_that_does_not_reach_the_speed_is_exceeded_whatever_the_peak_torque_is() -> None:
     sizing = sized(replace(MOTOR, peak_torque=None), conditions=Conditions(voltage=4.0))
     shaft = sizing.joint("shoulder").shaft
-    assert shaft is not None and not sizing.inside and (shaft.margins["torque-speed curve"] or 0.0) < 0.0
+    assert shaft is not None and not sizing.inside and (shaft.margins["voltage limit"] or 0.0) < 0.0
 
 
 def test_the_power_of_all_joints_is_unknown_where_one_is() -> None:
@@ -130,17 +137,20 @@ def test_the_power_of_all_joints_is_unknown_where_one_is() -> None:
         assert json.loads(json_text(sizing))["supply"] is None
 
 
-def test_limits_that_size_does_not_compare_are_named() -> None:
-    geared = replace(GEAR, repeated_peak_torque=20.0, life=7000.0)
-    assert any("the gear's repeated peak torque, life" in text for text in sized(gear=geared).warnings)
-    assert not any("not compared here" in text for text in sized().warnings)
+def test_the_limits_of_the_gear_are_compared() -> None:
+    """9.81 N m at its output: 20 N m are enough; 7 N m, are not."""
+    for limit, inside in ((20.0, True), (7.0, False)):
+        sizing = sized(gear=replace(GEAR, repeated_peak_torque=limit))
+        shaft = sizing.joint("shoulder").shaft
+        assert shaft is not None and shaft.margins["gear repeated peak torque"] == pytest.approx(1 - 9.81 / limit)
+        assert sizing.inside is inside
 
 
 def test_nothing_known_is_not_called_inside_with_a_margin() -> None:
     bare = sized(Motor(id="m", maker="", model=""), Gear(id="g", maker="", model="", kind="spur", ratio=9.0))
     shaft = bare.joint("shoulder").shaft
-    assert shaft is not None and shaft.tightest is None and len(shaft.unknown) == 4
-    assert shaft.verdict == "inside as far as known (unknown: peak torque, rated torque, speed, torque-speed curve)"
+    assert shaft is not None and shaft.tightest is None and not bare.verified and "Not verified" in verdict(bare)
+    assert shaft.verdict == "not verified (10 unknown)" and len(shaft.unknown) == 10
 
 
 CONFIG = """

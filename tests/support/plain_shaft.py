@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 from brute_criteria import Brute
 
-STANDSTILL = 1e-6  # rad/s of the shaft
-
 
 class PlainShaft:
     """A motor with its gear that drives an axis: torque, speed and acceleration (n,) of the axis, and weights (n,)."""
@@ -20,7 +18,7 @@ class PlainShaft:
             self.brute = self._brute(torque, speed, acceleration)
             self.torque = self.brute.T
             return
-        driving = (torque * speed >= 0.0) | (np.abs(self.speed) <= STANDSTILL)
+        driving = torque * speed >= 0.0
         gear = np.where(driving, torque / actuator.efficiency, torque * actuator.efficiency) / actuator.ratio
         inertia = actuator.rotor_inertia + actuator.gear_inertia
         self.torque = gear + inertia * actuator.ratio * acceleration

@@ -107,6 +107,7 @@ def selection(**changes):
     axes = tuple(
         AxisSelection(
             axis=axis,
+            conditions=Conditions(safety_factor=1.2),
             chosen=candidates()[k],
             candidates=candidates(),
             counts=(("all criteria shown", 2), ("passes what is known", 3), ("fails", 1)),

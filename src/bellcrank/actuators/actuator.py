@@ -11,7 +11,7 @@ A figure that is None is unknown. What follows from it is NaN, so that nothing p
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from bellcrank.actuators.motor_with_gear import MotorWithGear
 
 Array = NDArray[np.float64]
+ENDLESS = 1e9  # rad/s: a rated torque has no end
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 
 
@@ -111,6 +112,60 @@ class Actuator:
         return motor_with_gear(motor, gear, conditions)
 
     @property
+    def rows(self) -> tuple[Motor, Gear]:
+        """The motor and the gear as rows of a catalogue, which criteria compare with loads."""
+        from bellcrank.actuators.gear import Gear
+        from bellcrank.actuators.motor import Motor
+
+        rated = self.rated_torque
+        motor = Motor(
+            id="ratings",
+            maker="",
+            model="",
+            kind="ratings",
+            nominal_torque=rated,
+            continuous_curve=None if rated is None else ((0.0, rated), (ENDLESS, rated)),
+            peak_torque=self.peak_torque,
+            peak_curve=self.curve_points,
+            max_speed=self.max_speed,
+            rotor_inertia=self.rotor_inertia,
+        )
+        gear = Gear(
+            id="ratings", maker="", model="", kind="direct", ratio=self.ratio, efficiency=self.efficiency,
+            inertia=self.gear_inertia,
+        )  # fmt: skip
+        return motor, gear
+
+    @property
+    def judged_under(self) -> Conditions:
+        """The conditions under which criteria compare the rows with loads: ratings hold at any supply and place."""
+        from bellcrank.actuators.conditions import Conditions
+
+        return Conditions(safety_factor=self.safety_factor)
+
+    def under(self, conditions: Conditions | None) -> Actuator:
+        """The same motor and gear under other conditions: those that are given replace its own.
+
+        Args:
+            conditions: What is given; None changes nothing.
+
+        Returns:
+            The actuator. Of ratings only the safety factor changes.
+
+        Raises:
+            InputError: A figure is impossible.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator.under(bc.Conditions(safety_factor=2.0)).safety_factor
+            2.0
+        """
+        if conditions is None or "safety_factor" not in conditions.given:
+            return self
+        return replace(self, safety_factor=conditions.safety_factor)
+
+    @property
     def shaft_inertia(self) -> float | None:
         """J_rotor + J_gear, kg m² at the motor shaft; None where one of them is unknown."""
         if self.rotor_inertia is None or self.gear_inertia is None:
@@ -152,11 +207,6 @@ class Actuator:
     def unknown_limits(self) -> tuple[str, ...]:
         """The limits of the torque over the speed that are unknown."""
         return () if self.has_limits else ("the torque-speed curve",)
-
-    @property
-    def not_compared(self) -> tuple[str, ...]:
-        """What is stated of motor and gear and `bellcrank.size` does not compare with loads."""
-        return ()
 
     @property
     def continuous_outline(self) -> Array | None:
@@ -306,6 +356,12 @@ class Actuator:
         (speed,) = arguments.alike(speed=speed)
         points = self.curve_points
         return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
+
+    def limit_uses(self, torque: Array, speed: Array) -> Array:
+        """The share (m, n) of each of m known limits of torque over speed, at shaft torques (n,), N m, and speeds (n,),
+        rad/s.
+        """
+        return self.curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
 
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The share of the torque-speed curve that is used, along the ray from the origin.

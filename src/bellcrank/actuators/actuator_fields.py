@@ -1,8 +1,8 @@
 """The actuators of a robot configuration: the ratings of a joint's motor and gear, or a motor and gear of a catalogue.
 
 A joint's mapping has the keys of `Actuator`, or `motor` and `gear` (by default none), each the id of a catalogue's row
-or a mapping of its own (product_fields.py); beside these `voltage`, `voltage_reserve`, `ambient`, `altitude`,
-`safety_factor` and `assume` ({gear.efficiency: 0.7}: a value for what the rows do not state).
+or a mapping of its own (product_fields.py); beside these the conditions of this axis (condition_fields.py), which
+replace those of the whole robot.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.condition_fields import OF_AN_AXIS, condition_data, given_conditions
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_fields import gear_from_fields, motor_from_fields, product_data, product_number
+from bellcrank.actuators.product_fields import gear_from_fields, motor_from_fields, product_data
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,13 +26,6 @@ if TYPE_CHECKING:
 
 P = TypeVar("P", Motor, Gear)
 CatalogueOf = Callable[[], "Catalogue"]
-_CONDITIONS: tuple[tuple[str, str, float | None, dict[str, Any]], ...] = (  # name, unit, default, bounds
-    ("voltage", "V", None, {"positive": True}),
-    ("voltage_reserve", "", 0.1, {"nonnegative": True, "maximum": 0.9}),
-    ("ambient", "°C", 25.0, {}),
-    ("altitude", "m", 0.0, {}),
-    ("safety_factor", "", 1.0, {"positive": True}),
-)
 
 
 def catalogue_folder(fields: Fields) -> Path | None:
@@ -39,8 +33,10 @@ def catalogue_folder(fields: Fields) -> Path | None:
     return fields.file("catalogue") if "catalogue" in fields else None
 
 
-def actuators_from_fields(fields: Fields, folder: Path | None = None) -> dict[str, Actuator]:
-    """The actuators by joint that the key `actuators` of a robot configuration describes.
+def actuators_from_fields(
+    fields: Fields, folder: Path | None = None, common: Conditions | None = None
+) -> dict[str, Actuator]:
+    """The actuators by joint that the key `actuators` of a robot configuration describes, under its conditions.
 
     Ids are looked up in the bundled catalogue and in the files of a folder. Raises InputError, naming file and key.
     """
@@ -55,21 +51,32 @@ def actuators_from_fields(fields: Fields, folder: Path | None = None) -> dict[st
     if folder is not None:
         catalogue()  # its errors are told even where no joint names a product
     motors = fields.mapping("actuators", {})
-    return {joint: actuator_from_fields(motors.mapping(joint), catalogue) for joint in motors}
+    return {joint: actuator_from_fields(motors.mapping(joint), catalogue, common) for joint in motors}
 
 
-def actuator_from_fields(fields: Fields, catalogue: CatalogueOf | None = None) -> Actuator:
-    """The Actuator that a joint's mapping describes. Raises InputError, naming file and key."""
+def actuator_from_fields(
+    fields: Fields, catalogue: CatalogueOf | None = None, common: Conditions | None = None
+) -> Actuator:
+    """The Actuator that a joint's mapping describes, where the conditions `common` hold unless it states others.
+
+    Raises InputError, naming file and key.
+    """
+    common = Conditions() if common is None else common
     try:
-        return _of_products(fields, catalogue) if "motor" in fields or "gear" in fields else _of_ratings(fields)
+        if "motor" in fields or "gear" in fields:
+            return _of_products(fields, catalogue, common)
+        return _of_ratings(fields, common)
     except InputError as error:
         if fields.where in str(error):
             raise
         raise fields.error("", str(error)) from None
 
 
-def actuator_data(actuator: Actuator) -> dict[str, Any]:
-    """An actuator as a joint's mapping of a robot configuration, which reads back as the same without a catalogue."""
+def actuator_data(actuator: Actuator, common: Conditions | None = None) -> dict[str, Any]:
+    """An actuator as a joint's mapping of a robot configuration, which reads back as the same without a catalogue.
+
+    `common` are the conditions of the configuration: those that are alike are not repeated.
+    """
     from bellcrank.actuators.motor_with_gear import MotorWithGear
 
     if not isinstance(actuator, MotorWithGear):
@@ -77,19 +84,13 @@ def actuator_data(actuator: Actuator) -> dict[str, Any]:
         if actuator.curve is not None:
             known["curve"] = [list(point) for point in actuator.curve]
         return known
-    conditions, default = actuator.conditions, Conditions()
     data: dict[str, Any] = {"motor": product_data(actuator.motor)}
     if actuator.gear != DIRECT:
         data["gear"] = product_data(actuator.gear)
-    for name, *_ in _CONDITIONS:
-        if (value := getattr(conditions, name)) != getattr(default, name):
-            data[name] = value
-    if conditions.assumed:
-        data["assume"] = dict(conditions.assumed)
-    return data
+    return data | condition_data(actuator.conditions, common, OF_AN_AXIS)
 
 
-def _of_ratings(fields: Fields) -> Actuator:
+def _of_ratings(fields: Fields, common: Conditions) -> Actuator:
     curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
     fields.known("curve", "motor", "gear")
     values = {
@@ -105,26 +106,20 @@ def _of_ratings(fields: Fields) -> Actuator:
     values["efficiency"] = fields.number("efficiency", "", 1.0, positive=True, maximum=1.0)
     values["rotor_inertia"] = fields.number("rotor_inertia", "kg m^2", 0.0, nonnegative=True)
     values["gear_inertia"] = fields.number("gear_inertia", "kg m^2", 0.0, nonnegative=True)
-    values["safety_factor"] = fields.number("safety_factor", "", 1.0, positive=True)
+    values["safety_factor"] = fields.number("safety_factor", "", common.safety_factor, positive=True)
     motor_efficiency = fields.optional_number("motor_efficiency", "", positive=True, maximum=1.0)
     fields.done()
     return Actuator(**values, motor_efficiency=motor_efficiency, curve=curve)
 
 
-def _of_products(fields: Fields, catalogue: CatalogueOf | None) -> Actuator:
+def _of_products(fields: Fields, catalogue: CatalogueOf | None, common: Conditions) -> Actuator:
     motor = _product(fields, "motor", motor_from_fields, lambda one: one.motor, catalogue)
     gear = DIRECT
     if "gear" in fields and fields.raw("gear") != DIRECT.id:
         gear = _product(fields, "gear", gear_from_fields, lambda one: one.gear, catalogue)
-    values: dict[str, Any] = {
-        name: fields.number(name, unit, default, **bounds) if name in fields else default
-        for name, unit, default, bounds in _CONDITIONS
-    }
-    fields.known(*(name for name, *_ in _CONDITIONS))
-    assumed = fields.mapping("assume", {})
-    values["assumed"] = tuple((name, product_number(assumed, name)) for name in assumed)
+    conditions = common.updated(given_conditions(fields, OF_AN_AXIS), fields.path)
     fields.done()
-    return Actuator.of(motor, gear, Conditions(**values))
+    return Actuator.of(motor, gear, conditions)
 
 
 def _product(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+import functools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final, TypeVar
 
 from bellcrank import arguments
 from bellcrank.actuators.gear import Gear
@@ -14,9 +15,12 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 Row = TypeVar("Row", Motor, Gear)
+T = TypeVar("T")
+GIVEN: Final = "given"  # source of what an option or an argument states
+BY_NAME: Final = ("assume", "momentary_loads")  # each entry of these has a source of its own
 HIGHEST = 4000.0  # m: the correction for altitude of IEC 60034-1 ends there
 SEA_LEVEL = 1000.0  # m: up to here it is 1
-_RANGES = {
+RANGES = {
     "voltage_reserve": Range(above=None, least=0.0, most=0.9),
     "ambient": Range(above=None, least=-100.0, most=300.0),
     "altitude": Range(above=None, least=-500.0, most=HIGHEST),
@@ -26,9 +30,29 @@ _RANGES = {
 }
 
 
+def _knows_what_is_given(cls: type[T]) -> type[T]:
+    """Let the constructor note in `sources` which arguments it got: one that is equal to its default is given too."""
+    init = cls.__init__
+
+    @functools.wraps(init)
+    def noting(self: Any, **given: Any) -> None:
+        init(self, **given)
+        stated = given.get("sources")  # `dataclasses.replace` passes every field, and so the sources too
+        names = [name for name in given if name != "sources"] if stated is None else _changed(self)
+        every = dict.fromkeys(entries(self, names), GIVEN) | dict(stated or {})
+        object.__setattr__(self, "sources", {name: every[name] for name in entries(self) if name in every})
+
+    cls.__init__ = noting  # type: ignore[method-assign]
+    return cls
+
+
+@_knows_what_is_given
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
     """What a selection assumes beside the loads.
+
+    A robot configuration may state them for the whole robot (`conditions`) and for an axis (`actuators.NAME`); what
+    `select` is given replaces both, field by field. Therefore `sources` says which fields are stated, and where.
 
     Attributes:
         voltage: Bus voltage, V; None: each motor's own nominal voltage.
@@ -45,15 +69,21 @@ class Conditions:
         bus_max_voltage: Voltage at which the brake resistor switches on, V; None: unknown.
         brake_resistor_power: Continuous power of the brake resistor, W; None: there is none.
         supply_power: Largest power of the supply, W; None: unknown.
-        assumed: Values assumed for every row that lacks them, such as {"gear.efficiency": 0.7}; kept as pairs.
+        assume: Values assumed for every row that lacks them, such as {"gear.efficiency": 0.7}; kept as pairs.
+        sources: Where each field that is stated comes from, by name: "given" (an argument or option), "actuators.NAME"
+            or "conditions" of a robot configuration; entries of `assume` and `momentary_loads` by names such as
+            "assume.gear.efficiency". Fields that are not named have their defaults. Not compared.
 
     Raises:
         InputError: For a number outside its range, or an assumed value whose name or number is not one of a row.
 
     Example:
-        >>> from bellcrank.actuators.conditions import Conditions
-        >>> Conditions(voltage=48.0, altitude=2000.0, assumed={"gear.efficiency": 0.7}).altitude_factor
+        >>> import bellcrank as bc
+        >>> conditions = bc.Conditions(voltage=48.0, altitude=2000.0, assume={"gear.efficiency": 0.7})
+        >>> conditions.altitude_factor
         0.9
+        >>> list(conditions.sources)
+        ['voltage', 'altitude', 'assume.gear.efficiency']
     """
 
     voltage: float | None = None
@@ -69,14 +99,76 @@ class Conditions:
     bus_max_voltage: float | None = None
     brake_resistor_power: float | None = None
     supply_power: float | None = None
-    assumed: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
+    assume: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
+    sources: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         where = "conditions"
-        check_numbers(self, where, _RANGES)
+        check_numbers(self, where, RANGES)
         object.__setattr__(self, "brake", arguments.flag("brake", self.brake, where=where))
-        object.__setattr__(self, "assumed", _assumed(self.assumed))
+        object.__setattr__(self, "assume", _assumed(self.assume))
         object.__setattr__(self, "momentary_loads", _momentary_loads(self.momentary_loads))
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The fields that are stated, by name, as `updated` takes them."""
+        return self.only(self.sources)
+
+    def only(self, names: Iterable[str]) -> dict[str, Any]:
+        """Some fields by name, as `updated` takes them.
+
+        Args:
+            names: Names as in `sources`.
+
+        Returns:
+            The values; entries of `assume` and `momentary_loads` in a mapping of their own.
+
+        Raises:
+            KeyError: For an entry that is not there.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.Conditions(life=2e4, assume={"motor.mass": 1.5}).only(["life", "assume.motor.mass"])
+            {'life': 20000.0, 'assume': {'motor.mass': 1.5}}
+        """
+        found: dict[str, Any] = {}
+        for each in names:
+            name, _, entry = each.partition(".")
+            if entry:
+                found.setdefault(name, {})[entry] = dict(getattr(self, name))[entry]
+            else:
+                found[name] = getattr(self, name)
+        return found
+
+    def updated(self, given: Conditions | Mapping[str, Any] | None, source: str = GIVEN) -> Conditions:
+        """These conditions, with others where those are stated.
+
+        Args:
+            given: Fields by name; of Conditions those in its `sources`. Entries of `assume` and `momentary_loads`
+                replace those of the same name, and the others stay. None changes nothing.
+            source: Where they come from.
+
+        Returns:
+            The conditions, whose `sources` name `source` for each given field.
+
+        Raises:
+            InputError: For an unknown name or a wrong value.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> hot = bc.Conditions(ambient=40.0, safety_factor=1.5)
+            >>> cool = hot.updated({"ambient": 25.0}, "actuators.elbow")
+            >>> cool.ambient, cool.safety_factor, cool.sources["ambient"]
+            (25.0, 1.5, 'actuators.elbow')
+        """
+        if given is None:
+            return self
+        stated = Conditions(**(given.given if isinstance(given, Conditions) else _mapping(given)))
+        values = stated.given
+        for name in BY_NAME:
+            if name in values:
+                values[name] = dict(getattr(self, name)) | values[name]
+        return replace(self, **values, sources={**self.sources, **dict.fromkeys(stated.sources, source)})
 
     @property
     def altitude_factor(self) -> float:
@@ -99,7 +191,7 @@ class Conditions:
             >>> from bellcrank.actuators.conditions import Conditions
             >>> from bellcrank.actuators.gear import Gear
             >>> gear = Gear(id="g", maker="", model="", kind="spur", ratio=5.0)
-            >>> Conditions(assumed={"gear.efficiency": 0.7}).completed(gear).efficiency
+            >>> Conditions(assume={"gear.efficiency": 0.7}).completed(gear).efficiency
             0.7
         """
         filled: dict[str, Any] = dict(self.filled(row))
@@ -120,15 +212,41 @@ class Conditions:
         Example:
             >>> from bellcrank.actuators.conditions import Conditions
             >>> from bellcrank.actuators.gear import DIRECT
-            >>> Conditions(assumed={"gear.efficiency": 0.7}).filled(DIRECT)
+            >>> Conditions(assume={"gear.efficiency": 0.7}).filled(DIRECT)
             ()
         """
         arguments.instance("row", row, (Motor, Gear), "a Motor or a Gear")
         room = "motor" if isinstance(row, Motor) else "gear"
         if isinstance(row, Gear) and row.kind == "direct":
             return ()
-        values = {name.removeprefix(f"{room}."): x for name, x in dict(self.assumed).items() if name.startswith(room)}
+        values = {name.removeprefix(f"{room}."): x for name, x in dict(self.assume).items() if name.startswith(room)}
         return tuple((name, value) for name, value in values.items() if getattr(row, name) is None)
+
+
+def _mapping(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Given fields by name. Raises InputError."""
+    known = [entry.name for entry in fields(Conditions) if entry.name != "sources"]
+    stated = arguments.mapping("conditions", given, "Conditions, or a mapping of their fields, such as {'voltage': 48}")
+    for name in stated:
+        if name not in known:
+            raise InputError(f"argument 'conditions': {unknown_name('field', str(name), known)}")
+    return stated
+
+
+def entries(conditions: Conditions, names: Iterable[str] | None = None) -> list[str]:
+    """The names that `sources` may have, in the order of the fields; only those of some fields."""
+    found: list[str] = []
+    for entry in fields(conditions):
+        if entry.name in BY_NAME and (names is None or entry.name in names):
+            found += [f"{entry.name}.{name}" for name, _ in getattr(conditions, entry.name)]
+        elif entry.name != "sources" and (names is None or entry.name in names):
+            found.append(entry.name)
+    return found
+
+
+def _changed(conditions: Conditions) -> list[str]:
+    """The fields that do not have their defaults."""
+    return [entry.name for entry in fields(conditions) if getattr(conditions, entry.name) != entry.default]
 
 
 def _momentary_loads(given: Any) -> tuple[tuple[str, float], ...]:
@@ -157,14 +275,14 @@ def _assumed(given: Any) -> tuple[tuple[str, float], ...]:
         try:
             given = dict(given)
         except (TypeError, ValueError):
-            arguments.refuse("assumed", expected, given, where)
-    values = arguments.mapping("assumed", given, expected, where=where)
+            arguments.refuse("assume", expected, given, where)
+    values = arguments.mapping("assume", given, expected, where=where)
     known = [f"{room}.{name}" for room, row in (("motor", Motor), ("gear", Gear)) for name in _numeric(row)]
     for name, value in values.items():
         if name not in known:
-            raise InputError(f"{where}: argument 'assumed': {unknown_name('field', name, known)}")
+            raise InputError(f"{where}: argument 'assume': {unknown_name('field', name, known)}")
         room, field = name.split(".")
-        values[name] = arguments.number(f"assumed['{name}']", value, where=where)
+        values[name] = arguments.number(f"assume['{name}']", value, where=where)
         row = {"id": "assumed", "maker": "", "model": "", field: values[name]}
         Motor(**row) if room == "motor" else Gear(kind="spur", **row)  # refuses a value outside the field's range
     return tuple(sorted(values.items()))

@@ -153,6 +153,8 @@ def continuous_torque_text(motor: Motor, speed: float, conditions: Conditions) -
         return f"unknown ({_lacking(motor, speed, conditions)})"
     if source == "nominal torque" and motor.nominal_torque is None:
         source = "nominal current"
+    if motor.by_ratings:
+        return f"{torque:.4g} N m"
     factor = float(printed_torque_factor(motors, conditions)[0])
     if source == "thermal limit":
         derated = f" at {conditions.ambient:g} °C" + (

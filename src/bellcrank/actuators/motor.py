@@ -18,7 +18,7 @@ from bellcrank.actuators.row_checks import (
     torque_speed_curve,
 )
 
-MotorKind = Literal["motor", "frameless", "servo", "actuator"]
+MotorKind = Literal["motor", "frameless", "servo", "actuator", "ratings"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]
 RANGES = {  # of numbers that are not more than 0
     "nominal_speed": NOT_NEGATIVE,  # 0: the nominal torque is stated at standstill
@@ -32,6 +32,7 @@ RANGES = {  # of numbers that are not more than 0
     "max_housing_temperature": TEMPERATURE,
     "reference_temperature": TEMPERATURE,
 }
+OF_RATINGS = RANGES | {"rotor_inertia": NOT_NEGATIVE}  # ratings may say that the rotor's inertia does not count
 UNSTATED_REFERENCE = 25.0  # °C, of figures without one: the lower, and so the safer, of the usual ones (25 and 40)
 _TO_DC = {"dc": 1.0, "phase_rms": math.sqrt(2.0 / 3.0), "phase_peak": 2.0 / math.sqrt(3.0)}
 
@@ -47,7 +48,8 @@ class Motor:
         id: A name of its own in the catalogue.
         maker: The maker.
         model: The maker's name of the product.
-        kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), or "actuator" (with gear).
+        kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), "actuator" (with gear), or
+            "ratings": what is not stated is left to the user, and only what is stated is compared.
         part_number: The maker's order number.
         nominal_voltage: Of the DC bus that the figures hold for, V (an AC supply: its rectified amplitude).
         torque_constant: k_t, N m/A, on the basis named next.
@@ -169,7 +171,7 @@ class Motor:
         arguments.text("id", self.id, "a name of the row", where="a motor")
         where = f"motor '{self.id}'"
         check_texts(self, where, {"kind": get_args(MotorKind), "torque_constant_basis": get_args(TorqueConstantBasis)})
-        check_numbers(self, where, RANGES)
+        check_numbers(self, where, OF_RATINGS if self.by_ratings else RANGES)
         for name in ("continuous_curve", "peak_curve"):
             object.__setattr__(self, name, torque_speed_curve(name, getattr(self, name), where))
         if self.pole_pairs is not None and self.pole_pairs != round(self.pole_pairs):
@@ -215,6 +217,11 @@ class Motor:
         if self.pole_pairs is None or self.inductance is None or (self.kind == "actuator" and self.ratio is None):
             return None
         return self.pole_pairs * self.inductance * (self.ratio or 1.0 if self.kind == "actuator" else 1.0)
+
+    @property
+    def by_ratings(self) -> bool:
+        """Whether the motor is given by its ratings alone."""
+        return self.kind == "ratings"
 
     @property
     def power_rate(self) -> float | None:

@@ -39,9 +39,35 @@ class MotorWithGear(Actuator):
     gear: Gear
     conditions: Conditions
 
+    def under(self, conditions: Conditions | None) -> MotorWithGear:
+        """The same motor and gear under other conditions: those that are given replace its own.
+
+        Args:
+            conditions: What is given; None changes nothing.
+
+        Returns:
+            The actuator.
+
+        Raises:
+            InputError: A figure is impossible.
+        """
+        if conditions is None:
+            return self
+        return motor_with_gear(self.motor, self.gear, self.conditions.updated(conditions))
+
     @cached_property
     def _train(self) -> PowerTrains:
         return PowerTrains.of(self.conditions.completed(self.motor), self.conditions.completed(self.gear))
+
+    @property
+    def rows(self) -> tuple[Motor, Gear]:
+        """The motor and the gear with the values assumed for what they do not state."""
+        return self.conditions.completed(self.motor), self.conditions.completed(self.gear)
+
+    @property
+    def judged_under(self) -> Conditions:
+        """The conditions."""
+        return self.conditions
 
     @cached_property
     def _region(self) -> ShortTimeRegion:
@@ -107,25 +133,6 @@ class MotorWithGear(Actuator):
         """Speeds (n,) rad/s with the largest and smallest torque (n,) N m that the voltage allows; None if unknown."""
         found = self._region.voltage_torques(speed)
         return None if found is None else (speed, found[0], found[1])
-
-    @property
-    def not_compared(self) -> tuple[str, ...]:
-        """What the rows state and `bellcrank.size` does not compare."""
-        gear = self.gear
-        limits = {
-            "average torque": gear.average_torque,
-            "repeated peak torque": gear.repeated_peak_torque,
-            "momentary torque": gear.momentary_torque,
-            "average input speed": gear.average_speed,
-            "input speed": gear.max_speed,
-            "life": gear.life,
-        }
-        named = [f"the gear's {', '.join(name for name, value in limits.items() if value is not None)}"]
-        warm = (self.motor.resistance_winding_housing, self.motor.time_constant_winding)
-        return tuple(
-            ([] if named == ["the gear's "] else named)
-            + ([] if None in warm else ["the motor's temperatures over the cycle"])
-        )
 
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """The torque at the motor shaft (`PowerTrains.shaft_torque`).
@@ -196,6 +203,10 @@ class MotorWithGear(Actuator):
         (speed,) = arguments.alike(speed=speed)
         found = self._region.highest_torque(np.abs(speed))
         return np.full(speed.shape, np.nan) if self.unknown_limits else found
+
+    def limit_uses(self, torque: Array, speed: Array) -> Array:
+        """The share (m, n) of each of m known limits, at shaft torques (n,), N m, and speeds (n,), rad/s."""
+        return self._region.uses(torque, speed)
 
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The largest share of those limits of torque over speed that are known.

@@ -26,7 +26,7 @@ from bellcrank.actuators import electrical
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
-from bellcrank.actuators.shaft_load import STANDSTILL
+from bellcrank.actuators.shaft_load import motoring
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +80,6 @@ class PowerTrains:
         )
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
-    def motoring(self, torque: Array, speed: Array) -> NDArray[np.bool_]:
-        """Whether the load takes power (τ q̇ >= 0), or the shaft stands still (below 1e-6 rad/s)."""
-        still = np.abs(speed) * self.gears.ratio <= STANDSTILL
-        return np.asarray((torque * speed >= 0.0) | still)
-
     def gear_torque(self, torque: Array, speed: Array) -> Array:
         """Shaft torque of the load through the gear, without inertia, N m.
 
@@ -95,24 +90,23 @@ class PowerTrains:
         Returns:
             Torque, N m.
         """
-        gears, motoring = self.gears, self.motoring(torque, speed)
+        gears, drives = self.gears, motoring(torque, speed)
         size = np.abs(torque)
-        lost = np.where(motoring, size * (1.0 / gears.efficiency - 1.0), size * (1.0 - gears.driven_efficiency))
+        lost = np.where(drives, size * (1.0 / gears.efficiency - 1.0), size * (1.0 - gears.driven_efficiency))
         curve = gears.efficiency_curve
         if curve.known.any():
-            lost = np.where(curve.known, self._curve_loss(size, motoring), lost)
-        moving = np.abs(speed) * gears.ratio > STANDSTILL
-        opposed = np.where(moving, np.sign(speed), np.sign(torque))
+            lost = np.where(curve.known, self._curve_loss(size, drives), lost)
+        opposed = np.where(speed == 0.0, np.sign(torque), np.sign(speed))
         return np.asarray((torque + opposed * lost) / gears.ratio)
 
-    def _curve_loss(self, size: Array, motoring: NDArray[np.bool_]) -> Array:
+    def _curve_loss(self, size: Array, drives: NDArray[np.bool_]) -> Array:
         """Loss torque at the output, N m, of the curves of efficiency over load at torques of a size."""
         gears = self.gears
         first = gears.efficiency_curve.x[..., 0] * gears.rated_torque
         size = np.maximum(size, first)
         efficiency = gears.efficiency_curve.at(size / gears.rated_torque)
         driven = np.where(np.isnan(gears.back_efficiency), efficiency, gears.back_efficiency)
-        return np.asarray(size * np.where(motoring, 1.0 / efficiency - 1.0, 1.0 - driven))
+        return np.asarray(size * np.where(drives, 1.0 / efficiency - 1.0, 1.0 - driven))
 
     def shaft_torque(self, torque: Array, speed: Array, acceleration: Array) -> Array:
         """Torque at the motor shaft.

@@ -146,6 +146,7 @@ class MotorArrays(_Indexed):
         axial_load: N.
         mass: kg.
         price: In the row's currency.
+        by_ratings: 1 where the motor is given by its ratings alone, else 0 (`Motor.by_ratings`).
     """
 
     nominal_voltage: Array
@@ -179,6 +180,7 @@ class MotorArrays(_Indexed):
     axial_load: Array
     mass: Array
     price: Array
+    by_ratings: Array
 
     @classmethod
     def of(cls, motors: Sequence[Motor]) -> Self:

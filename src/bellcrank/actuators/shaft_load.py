@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STANDSTILL = 1e-6  # rad/s of the shaft: slower counts as at rest, so that rounding does not decide the flow of power
+
+
+def motoring(load: Array, velocity: Array) -> NDArray[np.bool_]:
+    """Whether a load takes power, as the one that a joint at rest holds does: load · velocity >= 0.
+
+    The velocity is 0 where the joint rests for a finite time; at another zero it has the sign of one of its sides, as
+    the samples of sizing/one_sided.py have it.
+    """
+    return np.asarray(np.sign(load) * velocity >= 0.0)
 
 
 def shaft_torque(
@@ -25,6 +33,5 @@ def shaft_torque(
         Torque; NaN where a figure is unknown.
     """
     velocity, acceleration = motion
-    motoring = (load * velocity >= 0.0) | (ratio * np.abs(velocity) <= STANDSTILL)
-    through_gear = np.where(motoring, 1.0 / (ratio * efficiency), efficiency / ratio)
+    through_gear = np.where(motoring(load, velocity), 1.0 / (ratio * efficiency), efficiency / ratio)
     return np.asarray(load * through_gear + inertia * ratio * acceleration)

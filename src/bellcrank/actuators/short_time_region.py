@@ -65,6 +65,11 @@ class ShortTimeRegion:
 
     def use(self, torque: Array, speed: Array) -> Array:
         """The largest share (n,) of the known limits at shaft torques N m and speeds rad/s; NaN where none is known."""
+        uses = self.uses(torque, speed)
+        return np.asarray(uses.max(axis=0)) if len(uses) else np.full(uses.shape[1:], np.nan)
+
+    def uses(self, torque: Array, speed: Array) -> Array:
+        """The share (m, n) of each of m known limits at shaft torques N m and speeds rad/s."""
         current_torque = electrical_torque(self._motors, torque, speed)
         uses = [
             limit.use(current_torque if limit.basis == "electrical" else torque, speed)
@@ -73,9 +78,8 @@ class ShortTimeRegion:
         ]
         if self._curve_known:
             uses.append(peak_curve_use(self._motors, self.conditions, torque, speed))
-        if not uses:
-            return np.full(np.broadcast_shapes(torque.shape, speed.shape), np.nan)
-        return np.asarray(np.max(np.stack(np.broadcast_arrays(*uses)), axis=0))
+        shape = np.broadcast_shapes(torque.shape, speed.shape)
+        return np.stack([np.broadcast_to(use, shape) for use in uses]) if uses else np.zeros((0, *shape))
 
     def highest_torque(self, speed: Array) -> Array:
         """The largest shaft torque (n,) N m at speeds (n,) rad/s that the known limits allow: infinite where none does,

@@ -67,6 +67,15 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_accept_unknown(parser: argparse.ArgumentParser) -> None:
+    """--accept-unknown, for the exit code."""
+    parser.add_argument(
+        "--accept-unknown",
+        action="store_true",
+        help="end with exit code 0 although main criteria of a motor are unknown, so that it may be far too weak",
+    )
+
+
 def add_set(parser: argparse.ArgumentParser, example: str) -> None:
     """--set, values of the scene to change; `example` is a KEY=VALUE."""
     parser.add_argument(

@@ -11,6 +11,7 @@ from bellcrank.version import version
 COMMANDS = {
     "size": "size the motors of a robot over its motions",
     "select": "choose the motor and gear of each joint from a catalogue",
+    "judge": "compare the motors and gears that a robot configuration names with their loads",
     "fastest": "find the fastest motion along a path within the limits of joints and motors",
     "simulate": "simulate a scene, and check the accuracy of the result",
     "sweep": "simulate a scene for many values of its parameters",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import (
+    add_accept_unknown,
     add_allow_massless,
     add_set,
     add_trust,
@@ -16,13 +17,13 @@ from bellcrank.commands.options import (
     whole_option,
 )
 from bellcrank.commands.output_files import list_on_failure, output_path
+from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
-    from bellcrank.actuators.conditions import Conditions
 
 OBJECTIVES = ("mass", "cost", "loss", "margin")
 MOST_CANDIDATES = 1000
@@ -68,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
-    _add_conditions(parser)
+    add_conditions(parser)
     add_set(parser, "payloads.1.mass='5 kg'")
     parser.add_argument(
         "--no-feedback",
@@ -85,6 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", action="store_true", help="write the report of the selection as one HTML page, report.html in DIR"
     )
+    add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
     parser.add_argument(
@@ -97,22 +99,34 @@ def _repeated(parser: argparse.ArgumentParser, option: str, metavar: str, meanin
     parser.add_argument(option, action="append", default=[], metavar=metavar, help=meaning)
 
 
-def _add_conditions(parser: argparse.ArgumentParser) -> None:
-    """Supply, surroundings and safety."""
-    for option, metavar, meaning in (
-        ("--voltage", "V", "voltage of the DC bus (default: the nominal voltage of each motor)"),
-        ("--reserve", "SHARE", "share of the voltage that is kept for control, such as 10%% (the default)"),
-        ("--ambient", "°C", "ambient temperature (default: 25)"),
-        ("--altitude", "M", "altitude of the site above sea level, m (default: 0)"),
-        ("--safety-factor", "F", "factor on the loads before they are compared with limits (default: 1)"),
-        ("--life", "HOURS", "life that gears must reach (L10)"),
-        ("--bus-capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
-        ("--bus-max-voltage", "V", "voltage of the bus at which the brake resistor switches on"),
-        ("--brake-resistor", "W", "continuous power of the brake resistor"),
-        ("--supply-power", "W", "largest power of the supply"),
+def add_conditions(parser: argparse.ArgumentParser) -> None:
+    """Supply, surroundings and safety: an option for each field of `Conditions`, of the same name."""
+    for name, metavar, meaning in (
+        ("voltage", "V", "voltage of the DC bus (default: the nominal voltage of each motor)"),
+        ("voltage_reserve", "SHARE", "share of the voltage that is kept for control (default: 10%%)"),
+        ("winding_temperature", "°C", "winding temperature for which the voltage limit is computed (default: 25)"),
+        ("ambient", "°C", "ambient temperature (default: 25)"),
+        ("altitude", "M", "altitude of the site above sea level, m (default: 0)"),
+        ("safety_factor", "F", "factor on the loads before they are compared with limits (default: 1)"),
+        ("life", "HOURS", "life that gears must reach (L10)"),
+        ("bus_capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
+        ("bus_max_voltage", "V", "voltage of the bus at which the brake resistor switches on"),
+        ("brake_resistor_power", "W", "continuous power of the brake resistor"),
+        ("supply_power", "W", "largest power of the supply"),
     ):
-        parser.add_argument(option, metavar=metavar, help=meaning)
-    parser.add_argument("--brake", action="store_true", help="each motor must have a brake that holds the load at rest")
+        parser.add_argument(_option(name), metavar=metavar, help=meaning)
+    parser.add_argument(
+        "--brake",
+        action=argparse.BooleanOptionalAction,
+        help="each motor must have a brake that holds the load at rest",
+    )
+    _repeated(
+        parser,
+        "--momentary-load",
+        "JOINT=TORQUE",
+        "a torque that happens rarely, such as in an emergency stop, for the gear's momentary limit: elbow='80 N m'; "
+        "may be repeated",
+    )
     _repeated(
         parser,
         "--assume",
@@ -121,9 +135,14 @@ def _add_conditions(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _option(name: str) -> str:
+    """The option of a condition."""
+    return f"--{name.replace('_', '-')}"
+
+
 def run(arguments: argparse.Namespace) -> int:
-    """Select motors and gears. Exit code 0: every axis has a pair that passes what is known; 1: an axis has none, or a
-    limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
+    """Select motors and gears. Exit code 0: every axis has a pair that passes; 1: an axis has none, a main criterion of
+    a chosen pair is unknown, or a limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
     """
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.selection.select import select
@@ -178,27 +197,42 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{verdict(selection)}\nwrote {', '.join(path.name for path in files)} in {folder}")
     if arguments.write_config is not None:
         _write_config(selection, arguments.write_config)
-    return 0 if selection.inside else 1
+    return 0 if selection.verified or (arguments.accept_unknown and selection.inside) else 1
 
 
-def conditions(arguments: argparse.Namespace) -> Conditions:
-    """The conditions of the options. Raises InputError, which names the option."""
-    from bellcrank.actuators.conditions import Conditions
+def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The conditions that the options give, by the names of the fields. Raises InputError, which names the option."""
+    from bellcrank.actuators.condition_fields import UNITS
+    from bellcrank.actuators.conditions import RANGES
+    from bellcrank.actuators.row_checks import POSITIVE
 
-    given = {
-        "voltage": number_option("--voltage", arguments.voltage, "V", above=0.0),
-        "voltage_reserve": number_option("--reserve", arguments.reserve, least=0.0, most=0.9),
-        "ambient": number_option("--ambient", arguments.ambient, "°C"),
-        "altitude": number_option("--altitude", arguments.altitude, "m"),
-        "safety_factor": number_option("--safety-factor", arguments.safety_factor, least=1.0),
-        "life": number_option("--life", arguments.life, "h", above=0.0),
-        "bus_capacitance": number_option("--bus-capacitance", arguments.bus_capacitance, "F", above=0.0),
-        "bus_max_voltage": number_option("--bus-max-voltage", arguments.bus_max_voltage, "V", above=0.0),
-        "brake_resistor_power": number_option("--brake-resistor", arguments.brake_resistor, "W", least=0.0),
-        "supply_power": number_option("--supply-power", arguments.supply_power, "W", above=0.0),
+    given: dict[str, Any] = {}
+    for name, unit in UNITS.items():
+        limits = RANGES.get(name, POSITIVE)
+        most = None if limits.most == POSITIVE.most else limits.most
+        given[name] = number_option(
+            _option(name), getattr(arguments, name), unit, above=limits.above, least=limits.least, most=most
+        )
+    given |= {
+        "brake": arguments.brake,
+        "momentary_loads": parse_momentary(arguments.momentary_load) or None,
+        "assume": parse_assumed(arguments.assume) or None,
     }
-    known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return Conditions(brake=arguments.brake, assumed=parse_assumed(arguments.assume), **known)
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def parse_momentary(texts: list[str]) -> dict[str, float]:
+    """Torques (N m or N) by joint from JOINT=TORQUE. Raises InputError."""
+    found: dict[str, float] = {}
+    for text in texts:
+        joint, equals, value = (part.strip() for part in text.partition("="))
+        option = f"--momentary-load {format_value(text)}"
+        if not equals or not joint or not value:
+            raise InputError(f"{option}: expected JOINT=TORQUE, such as elbow='80 N m'")
+        if joint in found:
+            raise InputError(f"{option}: '{joint}' is given twice; keep one")
+        found[joint] = Fields({joint: value}, option).number(joint, "N m or N", nonnegative=True)
+    return found
 
 
 def parse_kept(texts: list[str]) -> dict[str, str]:
@@ -217,7 +251,6 @@ def parse_kept(texts: list[str]) -> dict[str, str]:
 def parse_assumed(texts: list[str]) -> dict[str, float]:
     """Values by field from FIELD=VALUE, with the units of catalogues. Raises InputError."""
     from bellcrank.actuators.product_fields import product_number
-    from bellcrank.config.fields import Fields
 
     found: dict[str, float] = {}
     for text in texts:

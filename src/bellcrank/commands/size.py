@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from bellcrank.commands.options import (
+    add_accept_unknown,
     add_allow_massless,
     add_output_folder,
     add_robot_and_motions,
@@ -35,14 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "share, such as 10%%",
     )
     add_set(parser, "payloads.1.mass='5 kg'")
+    add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
     add_output_folder(parser, "ROBOT_sizing")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Size a robot. Exit code 0: all limits are kept; 1: a limit is exceeded, or a motor cannot be sized. Raises
-    BellcrankError for invalid input.
+    """Size a robot. Exit code 0: all limits are kept; 1: a limit is exceeded, a main criterion of a motor is unknown,
+    or a motor cannot be sized. Raises BellcrankError for invalid input.
     """
     from bellcrank.commands.result_argument import remarks_of
     from bellcrank.sizing.size import size
@@ -83,7 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_results(sizing, folder, files[len(RESULTS) :])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
-    return 0 if sizing.inside else 1
+    accepted = arguments.accept_unknown or not sizing.not_verified
+    return 0 if sizing.inside and accepted else 1
 
 
 def parse_share(text: str) -> float:

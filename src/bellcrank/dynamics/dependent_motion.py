@@ -262,8 +262,18 @@ def read_partial_motion(robot: Robot, path: Path, name: str, text: str | None = 
     position[:, q], velocity[:, v], acceleration[:, v] = found.position, found.velocity, found.acceleration
     position_noise, speed_noise = np.zeros(robot.nq), np.zeros(robot.nv)
     position_noise[q], speed_noise[v] = found.position_noise, found.speed_noise
-    noise = tuple(position_noise), tuple(speed_noise)
-    return Motion(robot.joints, found.time, position, velocity, acceleration, name, found.notes, *noise)
+    return Motion(
+        robot.joints,
+        found.time,
+        position,
+        velocity,
+        acceleration,
+        name,
+        found.notes,
+        tuple(position_noise),
+        tuple(speed_noise),
+        derived_from=found.derived_from,
+    )
 
 
 def _titles(text: str | None) -> set[str]:

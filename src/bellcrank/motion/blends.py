@@ -115,12 +115,19 @@ def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, un
 def straight(begin: Array, end: Array) -> Segment:
     """The straight segment between two different points (m,)."""
     length = float(np.linalg.norm(end - begin))
-    direction = (end - begin) / length
+    return Segment(begin, end, length, _Straight(begin, (end - begin) / length))
 
-    def curve(s: Array) -> tuple[Array, Array, Array]:
-        return begin + s[:, None] * direction, np.tile(direction, (len(s), 1)), np.zeros((len(s), len(begin)))
 
-    return Segment(begin, end, length, curve)
+@dataclass(frozen=True, eq=False)
+class _Straight:
+    """The curve of a straight segment from `begin` (m,) in a direction (m,)."""
+
+    begin: Array
+    direction: Array
+
+    def __call__(self, s: Array) -> tuple[Array, Array, Array]:
+        along = np.tile(self.direction, (len(s), 1))
+        return self.begin + s[:, None] * self.direction, along, np.zeros_like(along)
 
 
 def _blend(first: Segment, second: Segment, radius: float, s: Array) -> tuple[Array, Array, Array]:

@@ -24,6 +24,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.motion.column_consistency import inconsistencies
 from bellcrank.motion.coordinates import Array, position_labels, velocity_labels
 from bellcrank.motion.file_precision import end_speed_noise, half_unit
+from bellcrank.motion.file_rows import FileRows, repaired
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LARGEST
 from bellcrank.motion.motion import Motion
@@ -117,7 +118,9 @@ def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, tex
     Positions of every joint are required. Velocities and accelerations may be left out (all of one kind): missing
     velocities come from the quintic spline through the positions, missing accelerations from the one through the
     velocities (not-a-knot, so that nothing is assumed about the ends). A time that occurs twice marks a jump of
-    acceleration; jumps that the columns show are detected, and the motion has rows for them.
+    acceleration; jumps that the columns show are detected, and the motion has rows for them. Rows closer in time than
+    the digits allow are merged. An angle that jumps by a turn, far faster than the rest of the file, was wrapped: it is
+    continued without the jump where the joint's limits allow that, and refused otherwise.
 
     Args:
         robot: The robot.
@@ -167,6 +170,8 @@ def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, tex
     title = readable(file.stem) if name is None else name
     derived = "positions" if velocity is None else "velocities" if acceleration is None else ""
     try:
+        rows = repaired(robot, joints, FileRows(time, position, velocity, acceleration), title)
+        time, position, velocity, acceleration = rows.time, rows.position, rows.velocity, rows.acceleration
         motion = sampled_motion(joints, time, position, velocity, acceleration, title)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
@@ -175,7 +180,7 @@ def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, tex
     if velocity is None and len(position_noise) == len(speed_noise):  # one coordinate a joint
         speed_noise = end_speed_noise(time, position_noise)
     motion = replace(motion, position_noise=tuple(position_noise), speed_noise=tuple(speed_noise))
-    notes = motion.notes
+    notes = (*rows.notes, *motion.notes)
     if velocity is not None:
         notes = (*inconsistencies(motion, time, position, velocity, acceleration), *notes)
     if derived:
@@ -183,7 +188,7 @@ def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, tex
             f"motion '{title}': accelerations come from differentiating the {derived}; noise in them is amplified",
         )
     notes += limit_notes(robot, title, time, position, "give the column the unit [deg]", position_noise)
-    return replace(motion, notes=notes)
+    return replace(motion, notes=notes, derived_from=derived)
 
 
 def _more(given: object) -> Mapping[tuple[str, str], Array]:

@@ -8,9 +8,16 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates
 from bellcrank.robot.joints import JointLike
+
+AMPLIFIED = (
+    6.0  # max 60 s (1 − s) (1 − 2 s): times rounding / step² it is what rounding changes in the second derivative
+)
+VISIBLE = 1e-4  # of the second derivative
+Ends = tuple[Array, Array]
 
 
 def quintic(
@@ -20,7 +27,8 @@ def quintic(
 
     `step` (m,) says which interval each point is taken to lie in; left out, it is looked up. The error of the
     second derivative is of order step⁴ (E. Hairer, S. Nørsett, G. Wanner, Solving Ordinary Differential
-    Equations I, II.6); in intervals below 1.5e-154 it is interpolated linearly.
+    Equations I, II.6). Where the knots are so close that rounding of the values would show in the second derivative,
+    it and the first are interpolated linearly.
     """
     if step is None:
         step = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
@@ -36,9 +44,20 @@ def quintic(
     p = value[k] + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
     pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
-    short = h * h < np.finfo(float).tiny  # squares of such steps underflow: between their ends, it is a line
-    line = second[k] + s * (second[k + 1] - second[k])
-    return np.asarray(p), np.asarray(pd / h), np.where(short, line, pdd / np.where(short, 1.0, h * h))
+    short = _too_short(knots[k], h, (value[k], value[k + 1]), (first[k], first[k + 1]), (second[k], second[k + 1]))
+    slope, bend = (f[k] + s * (f[k + 1] - f[k]) for f in (first, second))
+    square = np.where(short, 1.0, h * h)
+    return np.asarray(p), np.where(short, slope, pd / h), np.where(short, bend, pdd / square)
+
+
+def _too_short(knot: Array, h: Array, value: Ends, first: Ends, second: Ends) -> NDArray[np.bool_]:
+    """Whether rounding of values and knots would change the second derivative within steps h (m, 1) by more than
+    VISIBLE of what it is there. Values are sums of numbers of the size of 1 (rad, m), or larger.
+    """
+    size, speed, known = (np.maximum(np.abs(ends[0]), np.abs(ends[1])) for ends in (value, first, second))
+    rounding = AMPLIFIED * np.finfo(float).eps * (1.0 + size + (np.abs(knot)[:, None] + h) * speed)
+    missing = np.abs(value[1] - value[0] - 0.5 * h * (first[0] + first[1]))
+    return np.asarray((rounding > VISIBLE * np.maximum(h * h * known, missing)) | (h * h < np.finfo(float).tiny))
 
 
 def smooth_between(joints: Sequence[JointLike], time: Array, q: Array, v: Array, a: Array) -> Callable[[Array], Any]:

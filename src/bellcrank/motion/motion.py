@@ -14,6 +14,7 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
+from bellcrank.motion.closed_form import NEXT, ClosedForm, Side, States, covering
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.magnitude_limits import check_size, check_times
@@ -41,6 +42,9 @@ class Motion(Portable):
         notes: Warnings from the function that made the motion.
         position_noise: How much is unknown of positions (nq,) that were read from a file with few digits.
         speed_noise: The same for velocities (nv,).
+        forms: Closed forms of stretches of the motion, in order of time, of which the rows are samples; elsewhere the
+            motion is interpolated between its rows. Those with which the rows do not agree are left out.
+        derived_from: "positions" or "velocities", where the accelerations were found by differentiating these.
 
     Raises:
         InputError: The data are not a motion.
@@ -62,6 +66,8 @@ class Motion(Portable):
     notes: tuple[str, ...] = field(default=())
     position_noise: Sequence[float] = ()
     speed_noise: Sequence[float] = ()
+    forms: tuple[ClosedForm, ...] = field(default=(), repr=False)
+    derived_from: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         arguments.text("name", self.name, empty=True)
@@ -94,6 +100,15 @@ class Motion(Portable):
         for order, key in enumerate(("position", "velocity", "acceleration")):
             check_size(self._title, key, getattr(self, key), order)
         self._check_rotations()
+        arguments.one_of("derived_from", self.derived_from, ("", "positions", "velocities"), where=self._title)
+        forms = arguments.several("forms", self.forms, ClosedForm, "ClosedForms", where=self._title)
+        object.__setattr__(self, "forms", tuple(form for form in forms if self._agrees(form)))
+
+    def _agrees(self, form: ClosedForm) -> bool:
+        slack = NEXT * max(abs(form.begin), abs(form.end))  # at its ends, rows of a jump belong to other stretches too
+        first = int(np.searchsorted(self.time, form.begin + slack, side="right")) - 1
+        rows = slice(max(first, 0), int(np.searchsorted(self.time, form.end - slack)) + 1)
+        return form.holds(self.time[rows], (self.position[rows], self.velocity[rows], self.acceleration[rows]))
 
     def _check_time(self) -> None:
         check_times(self._title, self.time)
@@ -173,6 +188,14 @@ class Motion(Portable):
         return tuple(slice(a, b) for a, b in pairwise(bounds))
 
     @cached_property
+    def interpolated(self) -> Any:
+        """Whether the states after each row but the last (n − 1,) are interpolated, as no closed form is known."""
+        if not self.forms:
+            return np.ones(len(self.time) - 1, dtype=bool)
+        middle = 0.5 * (self.time[:-1] + self.time[1:])
+        return (covering(self.forms, middle, "after") < 0) & (np.diff(self.time) > 0.0)
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Warnings: the notes, and torques that are not included, of a motion that does not start or end at rest or
         whose velocity jumps.
@@ -216,8 +239,9 @@ class Motion(Portable):
     def at(self, t: Any, side: Literal["after", "before"] = "after") -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at any time of the motion.
 
-        They are exact at the samples; between two of them they are those of the quintic Hermite polynomial that
-        matches position, velocity and acceleration at both (error of the acceleration of order step⁴).
+        They are exact at the samples, and everywhere in motions of `point_to_point`, `waypoints` and `dwell`. Between
+        two samples of other motions they are those of the quintic Hermite polynomial that matches position, velocity
+        and acceleration at both (error of the acceleration of order step⁴).
 
         Args:
             t: A time, or times (m,), s.
@@ -254,8 +278,7 @@ class Motion(Portable):
         else:
             k = np.searchsorted(self.time, times, side="left") - 1
         k = np.clip(k, 0, len(self.time) - 2)
-        moved = quintic(self.time, self._smooth_position, *self._rates, times, k)
-        q, v, a = from_rates(self.joints, *moved)
+        q, v, a = self._between(times, k, side)
         for row in (k, k + 1):
             exact = times == self.time[row]
             q[exact], v[exact], a[exact] = (
@@ -265,6 +288,22 @@ class Motion(Portable):
             )
         if given.ndim == 0:
             return q[0], v[0], a[0]
+        return q, v, a
+
+    def _between(self, times: Array, step: Any, side: Side) -> States:
+        """States at times (m,) that lie in these steps (m,) between rows."""
+        form = covering(self.forms, times, side) if self.forms else np.full(len(times), -1)
+        order = np.argsort(form, kind="stable")
+        edges = np.flatnonzero(np.diff(form[order], prepend=-2))
+        q, v, a = (np.empty((len(times), count)) for count in (self.nq, self.nv, self.nv))
+        for begin, end in pairwise([*edges.tolist(), len(times)]):
+            those = order[begin:end]
+            if (which := form[those[0]]) >= 0:
+                found = self.forms[which].at(times[those], side)
+            else:
+                moved = quintic(self.time, self._smooth_position, *self._rates, times[those], step[those])
+                found = from_rates(self.joints, *moved)
+            q[those], v[those], a[those] = found
         return q, v, a
 
 
@@ -296,6 +335,7 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
         arguments.text("name", name, empty=True)
     first = motions[0]
     rows: list[tuple[Array, ...]] = [(first.time, first.position, first.velocity, first.acceleration)]
+    forms = list(first.forms)
     for before, after in pairwise(motions):
         if _layout(before) != _layout(after):
             raise InputError(
@@ -317,12 +357,18 @@ def join(*motions: Motion, name: str | None = None) -> Motion:
         skip = 1 if same else 0
         start = rows[-1][0][-1]
         time = start + (after.time - after.time[0])
+        forms += [form.moved(start - after.time[0]) for form in after.forms]
         rows.append((time[skip:], after.position[skip:], after.velocity[skip:], after.acceleration[skip:]))
     time, position, velocity, acceleration = (np.concatenate(part) for part in zip(*rows, strict=True))
     notes = tuple(dict.fromkeys(note for motion in motions for note in motion.notes))
     title = " + ".join(motion.name for motion in motions) if name is None else name
-    noise = (np.max([getattr(motion, key) for motion in motions], axis=0) for key in ("position_noise", "speed_noise"))
-    return Motion(first.joints, time, position, velocity, acceleration, title, notes, *map(tuple, noise))
+    position_noise, speed_noise = (
+        tuple(np.max([getattr(motion, key) for motion in motions], axis=0).tolist())
+        for key in ("position_noise", "speed_noise")
+    )
+    return Motion(
+        first.joints, time, position, velocity, acceleration, title, notes, position_noise, speed_noise, tuple(forms)
+    )
 
 
 def _joints(given: object) -> tuple[JointLike, ...]:

@@ -10,6 +10,7 @@ constant in each blend, where the joints' accelerations are q'' y² and their je
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,6 +19,7 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.motion.blends import MOST_BENT, STEEPEST, BlendedPath, blended, straight
+from bellcrank.motion.closed_form import ClosedForm, TimedPath
 from bellcrank.motion.coordinates import Array
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import check_size
@@ -106,7 +108,7 @@ def point_to_point(
     parts = [_along(robot, path, _timing(robot, path, limits, profile, title), samples, name) for path in paths]
     motion = parts[0] if len(parts) == 1 else join(*parts, name=name)
     notes = (*motion.notes, *limit_notes(robot, name, motion.time, motion.position))
-    return Motion(motion.joints, motion.time, motion.position, motion.velocity, motion.acceleration, name, notes)
+    return replace(motion, name=name, notes=notes)
 
 
 def _points(robot: Robot, positions: object, title: str) -> Array:
@@ -199,12 +201,10 @@ def _least(limits: Array, rates: Array) -> float:
 
 
 def _along(robot: Robot, path: BlendedPath, timing: Profile, samples: int, name: str) -> Motion:
-    time, s, speed, growth = timing.rows(samples, path.knots)
-    q, first, second = path(s)
-    columns = [joint.q for joint in robot.joints if joint.nv == 1]
-    places = [joint.v for joint in robot.joints if joint.nv == 1]
+    single = [joint for joint in robot.joints if joint.nv == 1]
+    columns = tuple(joint.q for joint in single), tuple(joint.v for joint in single)
+    curve = TimedPath(path, timing, *columns, robot.nv)
+    time, *along = timing.rows(samples, path.knots)
+    q, v, a = curve.states(*along)
     q[0], q[-1] = path.segments[0].begin, path.segments[-1].end
-    v, a = np.zeros((len(time), robot.nv)), np.zeros((len(time), robot.nv))
-    v[:, places] = (first * speed[:, None])[:, columns]
-    a[:, places] = (first * growth[:, None] + second * (speed * speed)[:, None])[:, columns]
-    return Motion(robot.joints, time, q, v, a, name)
+    return Motion(robot.joints, time, q, v, a, name, forms=(ClosedForm(0.0, timing.duration, curve),))

@@ -23,6 +23,7 @@ from bellcrank.motion.coordinates import Array
 
 KINDS = ("constant", "trapezoid", "quintic", "s_curve")
 LEAST, MOST = 1e-30, 1e30  # of distances, times and limits, in SI units: fifth powers of them are numbers
+SAME = 1e-12  # of the whole distance: distances closer than this are one
 _UNITS = {"distance": "m", "duration": "s", "speed": "m/s", "acceleration": "m/s²", "jerk": "m/s³"}
 
 
@@ -86,10 +87,13 @@ class Profile:
         return time, s, speed, acceleration
 
     def _times_within(self, k: int, distances: Array) -> Array:
-        """The times strictly inside piece k at which distances are reached, those next to its ends left out."""
+        """The times strictly inside piece k at which distances are reached, those next to its ends left out: near rest
+        a distance that differs by rounding is reached at a time that differs by the root of it.
+        """
         begin, end = float(self.breaks[k]), float(self.breaks[k + 1])
         edges = self._piece(k, np.array([begin, end]))[0]
-        wanted = distances[(distances > edges[0]) & (distances < edges[1])]
+        same = SAME * self.distance
+        wanted = distances[(distances > edges[0] + same) & (distances < edges[1] - same)]
         low, high = np.full(len(wanted), begin), np.full(len(wanted), end)
         for _ in range(100):  # the distance increases: bisection to the last digit
             middle = (low + high) / 2.0

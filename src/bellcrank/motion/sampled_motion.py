@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.errors import InputError
 from bellcrank.motion.acceleration_jumps import with_jumps
 from bellcrank.motion.coordinates import Array
 from bellcrank.motion.differentiation import positions_differentiated, velocity_differentiated
@@ -174,3 +175,26 @@ def _undetermined(motion: Motion, time: Array, values: Array, order: int) -> tup
                 f"{size.max():.4g} {unit} at {times[size.argmax()]:.4g} s; give accelerations, or more rows"
             )
     return tuple(notes)
+
+
+def with_every_other_row(motion: Motion) -> Motion | None:
+    """The motion with every other one of its interpolated rows left out, accelerations that were found by
+    differentiating found anew; both rows of a jump, and the ends, are kept. None where no row can be left out.
+    """
+    step, free = np.diff(motion.time), motion.interpolated
+    inner = np.zeros(len(motion), dtype=bool)
+    inner[1:-1] = free[1:] & free[:-1] & (step[1:] > 0.0) & (step[:-1] > 0.0)
+    runs = np.cumsum(inner) - np.maximum.accumulate(np.where(inner, 0, np.cumsum(inner)))  # place in their run
+    keep = runs % 2 == 0
+    if keep.all():
+        return None
+    rows = motion.time[keep], motion.position[keep], motion.velocity[keep], motion.acceleration[keep]
+    if not motion.derived_from:
+        time, position, speed, acceleration = rows
+        return replace(motion, time=time, position=position, velocity=speed, acceleration=acceleration)
+    velocity = None if motion.derived_from == "positions" else rows[2]
+    try:
+        found = sampled_motion(tuple(motion.joints), rows[0], rows[1], velocity, None, motion.name)
+    except InputError:
+        return None
+    return replace(found, derived_from=motion.derived_from)

@@ -18,4 +18,5 @@ def stretched(motion: Motion, factor: float) -> Motion:
         velocity=motion.velocity / factor,
         acceleration=motion.acceleration / factor**2,
         speed_noise=tuple(np.array(motion.speed_noise) / factor),
+        forms=tuple(form.stretched(float(begin), factor) for form in motion.forms),
     )

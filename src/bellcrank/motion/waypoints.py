@@ -10,6 +10,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
+from bellcrank.motion.closed_form import ClosedForm, Rest, Side, States
 from bellcrank.motion.coordinates import Array, continuous, from_rates
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
@@ -67,10 +68,12 @@ def waypoints(
     check_size(title, "position", points)
     time = spread(knots, checked_samples(title, samples))
     try:
-        q, v, a = interpolate(robot.joints, knots, points, time, rest=True)
+        curve = _SplineCurve(tuple(robot.joints), knots, points, rest=True)
     except InputError as error:
         raise InputError(f"{title}: {error}") from None
-    return Motion(robot.joints, time, q, v, a, name, limit_notes(robot, name, time, q))
+    form = ClosedForm(float(knots[0]), float(knots[-1]), curve)
+    notes = limit_notes(robot, name, time, (states := curve.rows(time))[0])
+    return Motion(robot.joints, time, *states, name, notes, forms=(form,))
 
 
 def dwell(
@@ -106,7 +109,8 @@ def dwell(
     q = np.asarray(robot.posture(position), dtype=np.float64)
     rest = np.zeros((2, robot.nv))
     time = np.array([0.0, duration])
-    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, limit_notes(robot, name, time, q[None]))
+    form, notes = ClosedForm(0.0, duration, Rest(q, duration, robot.nv)), limit_notes(robot, name, time, q[None])
+    return Motion(robot.joints, time, np.stack([q, q]), rest, rest, name, notes, forms=(form,))
 
 
 def interpolate(
@@ -119,16 +123,35 @@ def interpolate(
     assumed), and fewer than six points take the polynomial through all of them. Rotation numbers are
     normalised.
     """
-    smooth = points * continuous(joints, points)
-    spline = _spline(knots, smooth, rest)
-    q, v, a = from_rates(joints, spline(times), spline(times, 1), spline(times, 2))
-    place = np.searchsorted(knots, times)
-    hit = knots[np.minimum(place, len(knots) - 1)] == times
-    q[hit] = points[place[hit]]
-    if rest:
-        for row in (times == knots[0], times == knots[-1]):
-            v[row] = a[row] = 0.0
-    return q, v, a
+    return _SplineCurve(tuple(joints), knots, points, rest).rows(times)
+
+
+class _SplineCurve:
+    """The curve of `interpolate`; its time begins with 0 s at the first knot."""
+
+    def __init__(self, joints: tuple[JointLike, ...], knots: Array, points: Array, rest: bool) -> None:
+        self.joints, self.knots, self.points, self.rest = joints, knots, points, rest
+        self.spline = _spline(knots, points * continuous(joints, points), rest)
+
+    @property
+    def duration(self) -> float:
+        """The time from the first knot to the last, s."""
+        return float(self.knots[-1] - self.knots[0])
+
+    def at(self, time: Array, side: Side) -> States:
+        """The states at times (m,), s, after the first knot; they have no jumps."""
+        return self.rows(self.knots[0] + time)
+
+    def rows(self, times: Array) -> States:
+        """The states at times (m,), s; at the knots the positions are the points."""
+        q, v, a = from_rates(self.joints, *(self.spline(times, order) for order in (0, 1, 2)))
+        place = np.searchsorted(self.knots, times)
+        hit = self.knots[np.minimum(place, len(self.knots) - 1)] == times
+        q[hit] = self.points[place[hit]]
+        if self.rest:
+            for row in (times == self.knots[0], times == self.knots[-1]):
+                v[row] = a[row] = 0.0
+        return q, v, a
 
 
 def derivative(knots: Array, values: Array) -> Array:

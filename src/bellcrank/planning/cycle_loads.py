@@ -23,7 +23,6 @@ from bellcrank.dynamics.force_table_breakpoints import force_breaks, with_force_
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.joint_loads import JointLoads
-from bellcrank.sizing.margins import continuous_use
 from bellcrank.sizing.motion_grid import grid_along, reversal_times
 
 Array = NDArray[np.float64]
@@ -68,7 +67,8 @@ class MotorCycle:
         """
         period = self.duration + pause
         rms = float(np.sqrt((self.squared_torque() + self.held**2 * pause) / period))
-        return continuous_use(self.actuator, [(rms, self.turned() / period)])
+        limit = self.actuator.continuous_torque(self.turned() / period)
+        return None if limit is None else self.actuator.safety_factor * rms / limit
 
     def pause_for_rms(self) -> float | None:
         """The pause, s, after which the RMS torque is the continuous torque, if that does not depend on the speed:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]
+OPTIMAL = 1e-6  # the largest gap to the lower bound, and the largest excess, of a motion that is called optimal
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,32 @@ class LimitCost:
     derivative: float
 
 
+@dataclass(frozen=True)
+class LimitExcess:
+    """By how much a motion exceeds a limit, where, and for how long.
+
+    Attributes:
+        limit: The limit that is exceeded most, or approached most closely, such as "motor torque of elbow (upper)".
+        share: By which share of it; negative within the limit.
+        time: When, s.
+        duration: For how long limits are exceeded by more than 1e-6 of them in all, s.
+
+    Example:
+        >>> from bellcrank.planning.fastest_motion import LimitExcess
+        >>> print(LimitExcess("torque of elbow (upper)", 0.02, 0.5, 1e-5))
+        torque of elbow (upper) by 2 % at 0.5 s, for 1e-05 s in all
+    """
+
+    limit: str
+    share: float
+    time: float
+    duration: float
+
+    def __str__(self) -> str:
+        lasts = f"for {self.duration:.2g} s in all" if self.duration > 0.0 else "for an instant"
+        return f"{self.limit} by {100.0 * self.share:.2g} % at {self.time:.6g} s, {lasts}"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestMotion:
     """The fastest motion of a mechanism along a path, from rest to rest.
@@ -61,8 +88,12 @@ class FastestMotion:
         costs: How much time each limit costs, the most active first.
         excess: The largest share by which the motion exceeds a limit, found by inverse dynamics at its rows and between
             them; negative where it reaches none.
+        worst: Which limit that is, when, and for how long limits are exceeded.
         refined: Whether the limits are kept along the whole path; otherwise at the beginning of each cell of a grid.
-        warnings: What was not taken into account, and where optimality is not proved.
+        lower_bound: The time, s, that every motion along the path takes at least, if it keeps the limits other than of
+            jerk along the whole path: a bound of the continuous problem. At most `duration`; NaN where it is not known.
+        jerk_limited: Whether there are limits of jerk, which the bound leaves out.
+        warnings: What was not taken into account.
         mechanism: The mechanism, which a replay shows.
         actuators: Motor and gear by joint.
 
@@ -84,7 +115,10 @@ class FastestMotion:
     active: tuple[str, ...]
     costs: tuple[LimitCost, ...]
     excess: float
+    worst: LimitExcess
     refined: bool
+    lower_bound: float = np.nan
+    jerk_limited: bool = False
     warnings: tuple[str, ...] = field(default=())
     mechanism: Mechanism | None = field(default=None, repr=False)
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False)
@@ -93,6 +127,38 @@ class FastestMotion:
     def duration(self) -> float:
         """The time of the motion, s."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def gap(self) -> float:
+        """The largest share by which a motion along the path could be shorter, from the lower bound of its time; NaN
+        where no bound is known.
+        """
+        return 1.0 - self.lower_bound / self.duration
+
+    @property
+    def bound(self) -> str:
+        """What the lower bound says of the time, as a sentence; "optimal" is said of a gap and an excess of at most
+        1e-6.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> fastest = bc.time_optimal("planar_2r", "elbow_up")
+            >>> fastest.bound.split(":")[0]
+            'optimal'
+        """
+        least = f"takes less than {self.lower_bound:.6g} s"
+        if np.isnan(self.lower_bound):
+            return "no lower bound of the time is known"
+        if self.jerk_limited:
+            return f"without limits of jerk no motion {least}"
+        if not self.refined and self.gap <= 0.0:
+            return (
+                f"bound on this grid: no motion {least} that keeps the limits everywhere, as this one does at the "
+                "beginnings of cells"
+            )
+        if self.gap <= OPTIMAL and self.excess <= OPTIMAL:
+            return f"optimal: no motion along the path {least}"
+        return f"no motion along the path {least}, {100.0 * self.gap:.2g} % below its time"
 
     def __repr__(self) -> str:
         return f"FastestMotion({self.robot!r} along {self.path!r}: {self.duration:.6g} s)"
@@ -111,6 +177,7 @@ class FastestMotion:
         lines = [f"{self.robot} along {self.path}: {self.duration:.6g} s"]
         if np.isfinite(self.original_duration):
             lines[0] += f" instead of {self.original_duration:.6g} s, {self.original_duration / self.duration:.3g} x"
+        lines.append(self.bound)
         width = max([len(cost.limit) for cost in self.costs] + [5])
         lines += ["", f"{'limit':<{width}}  active during  time saved by 1 % more"]
         for cost in self.costs:
@@ -129,7 +196,7 @@ class FastestMotion:
         Example:
             >>> import bellcrank as bc
             >>> sorted(bc.time_optimal("planar_2r", "elbow_up").as_dict())[:3]
-            ['costs', 'duration', 'excess']
+            ['bound', 'costs', 'duration']
         """
         original = self.original_duration
         return {
@@ -138,7 +205,16 @@ class FastestMotion:
             "duration": self.duration,
             "original_duration": original if np.isfinite(original) else None,
             "excess": self.excess,
+            "worst": {
+                "limit": self.worst.limit,
+                "share": self.worst.share,
+                "time": self.worst.time,
+                "duration": self.worst.duration,
+            },
             "refined": self.refined,
+            "lower_bound": None if np.isnan(self.lower_bound) else self.lower_bound,
+            "gap": None if np.isnan(self.gap) else self.gap,
+            "bound": self.bound,
             "costs": [
                 {
                     "limit": cost.limit,

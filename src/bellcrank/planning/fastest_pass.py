@@ -19,6 +19,7 @@ from bellcrank.planning.path_limits import PathLimits
 
 Array = NDArray[np.float64]
 FIRST_CELLS = 200
+COARSE_CELLS = 100
 NARROW = 1e-9  # of the path, in the parameter r: cells are not halved further
 NEAR_REST = 1e-12  # of the path
 TIME_ERROR = 1e-11  # of the whole time, by one cell
@@ -43,7 +44,6 @@ class PathTiming:
         fastest: The largest speeds (n,) from which the end can still be reached within the limits.
         active: The row of the limit that is active in each cell (n - 1,); -1 where there is none, -2 a limit of speed.
         kind: What the motion does in each cell (n - 1,), an index into `KINDS`.
-        unproved: The places (n,) at which a set of allowed accelerations has a hole.
     """
 
     s: Array
@@ -53,7 +53,6 @@ class PathTiming:
     fastest: Array
     active: NDArray[np.int32]
     kind: NDArray[np.int32]
-    unproved: NDArray[np.bool_]
 
     @property
     def durations(self) -> Array:
@@ -106,15 +105,15 @@ def fastest_refined(
     Cells are halved until the error of the time and the excess of limits between places are below their tolerances, or
     the cell is negligibly short. Places where a joint changes its direction are ends of cells. Raises BellcrankError.
     """
-    r = _first_cells(path)
+    r = first_cells(path)
     known = KnownPlaces(lambda s: limits.places(path, s))
     timing = None
     for number in range(MOST_PASSES):
         places = np.empty(2 * len(r) - 1)
         places[::2], places[1::2] = r, (r[1:] + r[:-1]) / 2.0
-        s = path.length * _share(places)
+        s = path.length * share_of_path(places)
         short = np.where(np.diff(r) <= NARROW, 1, np.where(np.diff(s[::2]) <= NEAR_REST * path.length, 2, 0))
-        slope = path.length * _slope(places)
+        slope = path.length * slope_of_share(places)
         arrays = limits.at_places(known.at(s))
         found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS)
         _refuse_failure(found, path, limits, s[::2])
@@ -134,11 +133,13 @@ def fastest_refined(
         r = np.sort(np.concatenate([r, places[1::2][halved]]))
     assert timing is not None
     if not np.isfinite(timing.duration):
+        fastest_on_grid(path, limits, COARSE_CELLS)  # which names the limits where no motion keeps them
         raise BellcrankError("the motion along the path comes to a stop: the limits allow no faster motion there")
     return timing
 
 
-def _first_cells(path: JointPath) -> Array:
+def first_cells(path: JointPath) -> Array:
+    """Ends of cells, as `share_of_path` takes them, to begin with: changes of a joint's direction are among them."""
     turning = path.turning_points() / path.length
     knots = path.knots[1:-1] / path.length
     own = [2.0 / np.pi * np.arcsin(np.sqrt(x)) for x in (turning, knots)]
@@ -147,12 +148,13 @@ def _first_cells(path: JointPath) -> Array:
     return np.asarray(r[keep])
 
 
-def _share(r: Array) -> Array:
+def share_of_path(r: Array) -> Array:
     """sin²(π r / 2), to full relative precision of its distance to either end."""
     return np.asarray(np.where(r < 0.5, np.sin(np.pi * r / 2.0) ** 2, 1.0 - np.sin(np.pi * (1.0 - r) / 2.0) ** 2))
 
 
-def _slope(r: Array) -> Array:
+def slope_of_share(r: Array) -> Array:
+    """The derivative of `share_of_path`."""
     return np.asarray(np.pi / 2.0 * np.sin(np.pi * np.minimum(r, 1.0 - r)))
 
 
@@ -180,7 +182,6 @@ def _timing(s: Array, found: dict[str, Any]) -> PathTiming:
         fastest=found["fastest"],
         active=found["active"],
         kind=found["kind"],
-        unproved=found["gap"].astype(np.bool_),
     )
 
 

@@ -139,9 +139,9 @@ def jerk_limited(
     )
 
 
-def jerk_excess(motion: Motion, most: Array) -> float:
-    """The largest share by which a joint's jerk exceeds its limit (nv,) along the quintics of a motion. Joints of
-    several degrees of freedom have no such limit.
+def jerk_excess(motion: Motion, most: Array) -> tuple[float, str, float]:
+    """The largest share by which a joint's jerk exceeds its limit (nv,) along the quintics of a motion, the joint, and
+    when, s. Joints of several degrees of freedom have no such limit.
     """
     positions, rates = one_degree_columns(motion.joints)
     step = np.diff(motion.time)
@@ -153,11 +153,15 @@ def jerk_excess(motion: Motion, most: Array) -> float:
     c3 = 10.0 * length - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
     c4 = -15.0 * length + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
     c5 = 6.0 * length - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
-    worst = -1.0
+    worst, joint, time = -1.0, "", float(motion.time[0])
+    names = [next(one.name for one in motion.joints if one.nv == 1 and one.v == rate) for rate in rates]
     for share in np.linspace(0.0, 1.0, 11):
-        jerk = np.abs(6.0 * c3 + 24.0 * c4 * share + 60.0 * c5 * share**2) / t**3
-        worst = max(worst, float(np.max(jerk / most[rates])) - 1.0)
-    return worst
+        over = np.abs(6.0 * c3 + 24.0 * c4 * share + 60.0 * c5 * share**2) / t**3 / most[rates] - 1.0
+        row, column = np.unravel_index(int(np.argmax(over)), over.shape)
+        if over[row, column] > worst:
+            worst, joint = float(over[row, column]), names[int(column)]
+            time = float(motion.time[wide[row]] + share * t[row, 0])
+    return worst, joint, time
 
 
 def _share(r: Array, order: int = 0) -> Array:

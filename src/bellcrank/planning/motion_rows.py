@@ -26,6 +26,7 @@ ROUNDING = 60.0 * float(np.finfo(np.float64).eps)  # of the path's length over Î
 LONGEST = 2e-3  # of the whole time: a row is not further from the next
 STEADY = 3.0  # times the rate of change of the acceleration in the cells beside short ones: a faster change is a jump
 SMOOTH = 1e-5  # of the largest acceleration: a larger change from one cell to the next is a jump
+NOWHERE: Array = np.zeros(0)
 REPRODUCED = 3e-7  # of the largest acceleration: by how much a quintic may differ
 
 
@@ -46,11 +47,12 @@ class _Cells:
     end: Array
 
 
-def motion_rows(timing: PathTiming, shortest: float = SHORTEST[0]) -> list[PathRow]:
+def motion_rows(timing: PathTiming, shortest: float = SHORTEST[0], turning: Array = NOWHERE) -> list[PathRow]:
     """Rows of a motion; where the acceleration jumps there are two of one time. Cells that take less than a share of
-    the whole time become a jump: a larger share moves the limits, a smaller one leaves more rounding.
+    the whole time become a jump: a larger share moves the limits, a smaller one leaves more rounding. A jump next to a
+    place (n,) at which a joint turns is there: the loss of its gear changes with its direction.
     """
-    cells = _long_cells(timing, shortest)
+    cells = _long_cells(timing, shortest, turning)
     scale = float(np.max(np.abs(np.concatenate([cells.begin[:, 3], cells.end[:, 3]]))))
     jump = np.abs(cells.end[:-1, 3] - cells.begin[1:, 3]) > SMOOTH * scale
     jump |= cells.end[:-1, 0] != cells.begin[1:, 0]
@@ -69,7 +71,7 @@ def motion_rows(timing: PathTiming, shortest: float = SHORTEST[0]) -> list[PathR
     return rows
 
 
-def _long_cells(timing: PathTiming, shortest: float) -> _Cells:
+def _long_cells(timing: PathTiming, shortest: float, turning: Array) -> _Cells:
     length = np.diff(timing.s)
     duration = np.where(length > 0.0, timing.durations, 0.0)
     time = np.concatenate([[0.0], np.cumsum(duration)])
@@ -81,6 +83,11 @@ def _long_cells(timing: PathTiming, shortest: float) -> _Cells:
     for k in np.flatnonzero(long[1:] != long[:-1] + 1).tolist():  # short cells between two long ones
         if _steady(timing, duration, long[k], long[k + 1]):
             end[k] = begin[k + 1]
+            continue
+        between = slice(long[k] + 1, long[k + 1] + 1)
+        if len(at := np.flatnonzero(np.isclose(timing.s[between, None], turning, rtol=ROUNDING, atol=0.0).any(axis=1))):
+            node = long[k] + 1 + int(at[0])
+            end[k, :3] = begin[k + 1, :3] = time[node], timing.s[node], timing.speed[node]
             continue
         inside = (begin[k, 1] + end[k, 1]) / 2.0, (begin[k + 1, 1] + end[k + 1, 1]) / 2.0
         place = _meeting(end[k], begin[k + 1], inside)

@@ -116,14 +116,14 @@ class MotorLimits:
         """Those whose gears have a curve of efficiency."""
         return [shaft for shaft in self.shafts if shaft.efficiency.varies]
 
-    def excess_of_curves(self, torque: Array, v: Array, a: Array) -> Array:
-        """The largest shares (n,) by which torques (n, k) at velocities v and accelerations a (n, nv) exceed the limits
-        of motors whose gears have a curve of efficiency; negative within, and minus infinite without such motors.
+    def excess_of_curves(self, torque: Array, v: Array, a: Array) -> dict[str, Array]:
+        """The shares (n,) by which torques (n, k) at velocities v and accelerations a (n, nv) exceed the limits of
+        motors whose gears have a curve of efficiency, by joint; negative within.
         """
-        worst = np.full(len(v), -np.inf)
+        found = {}
         for shaft in self.varying:
             actuator, column = shaft.actuator, self.joints[shaft.motor].v
             needed = actuator.shaft_torque(torque[:, shaft.motor], v[:, column], a[:, column])
             use = actuator.curve_use(actuator.safety_factor * needed, actuator.ratio * v[:, column])
-            worst = np.fmax(worst, use - 1.0)
-        return worst
+            found[self.joints[shaft.motor].name] = np.where(np.isnan(use), -np.inf, use - 1.0)
+        return found

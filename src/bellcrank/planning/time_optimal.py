@@ -18,14 +18,15 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.motion import Motion, join
-from bellcrank.planning.fastest_motion import FastestMotion
+from bellcrank.planning.fastest_motion import FastestMotion, LimitExcess
 from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid, fastest_refined
 from bellcrank.planning.jerk_pass import JerkTiming, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
 from bellcrank.planning.limit_costs import active_limits, limit_costs
+from bellcrank.planning.lower_bound import least_time
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import FASTEST, PathLimits
-from bellcrank.planning.timed_motion import limit_excess, take_grid, time_above, timed_motion
+from bellcrank.planning.timed_motion import EXCEEDED, TimedMotion, take_grid, timed_motion, worst_excess
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.subject import SizingSubject, sizing_subject
 
@@ -35,10 +36,8 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-TOLD, TOLD_ON_GRID = 1e-6, 1e-3  # share of a limit: a larger excess is told
+TOLD_ON_GRID = 1e-3  # share of a limit: a motion on a grid that exceeds it by more says so
 SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
-COARSE_CELLS = 100
-CREEP = 1e-3  # of the largest path speed
 
 
 def time_optimal(
@@ -103,19 +102,20 @@ def time_optimal(
         if bounds.jerk_groups:
             timings.append(jerk_limited(one, bounds, progress))
             continue
-        coarse = fastest_on_grid(one, bounds, grid or COARSE_CELLS)
         if grid:
-            timings.append(coarse)
+            timings.append(fastest_on_grid(one, bounds, grid))
             continue
-        careful = replace(bounds, creep=CREEP * float(coarse.speed.max()))
-        timings.append(fastest_refined(one, careful, progress))
+        timings.append(fastest_refined(one, bounds, progress))
     _check_speeds(paths, timings)
     title = "path" if original is None else original.name
     parts = [timed_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]
     coarse_parts = [] if grid else take_grid(paths, timings, parts, bounds)
     motion = join(*(part.motion for part in parts), name=f"fastest {title}")
     active = tuple(label for one, t in zip(paths, timings, strict=True) for label in active_limits(bounds, one, t))
-    excess = limit_excess(bounds, motion)
+    worst = worst_excess(bounds, motion)
+    least = sum(
+        least_time(one, bounds, part.motion.duration, t.s) for one, part, t in zip(paths, parts, timings, strict=True)
+    )
     durations = [np.where(np.diff(t.s) > 0.0, t.durations, 0.0) for t in timings]
     return FastestMotion(
         robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
@@ -130,17 +130,18 @@ def time_optimal(
         ),
         active=active,
         costs=limit_costs(bounds, paths, timings, active, costs),
-        excess=excess,
+        excess=worst.share,
+        worst=worst,
         refined=grid is None and not coarse_parts,
+        lower_bound=min(least, motion.duration),
+        jerk_limited=bool(bounds.jerk_groups),
         mechanism=bounds.mechanism,
         actuators=bounds.actuators,
         warnings=(
             *subject.notes,
-            *_warnings(bounds, original, paths, timings, motion),
+            *_warnings(bounds, original, paths, motion),
             *coarse_parts,
-            *_excess_warning(
-                excess, min(part.factor for part in parts), grid is None, lambda: time_above(bounds, motion, TOLD)
-            ),
+            *_excess_warnings(worst, parts, grid is None),
         ),
     )
 
@@ -238,7 +239,6 @@ def _warnings(
     bounds: PathLimits,
     original: Motion | None,
     paths: Sequence[JointPath],
-    timings: Sequence[PathTiming | JerkTiming],
     motion: Motion,
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
@@ -258,33 +258,26 @@ def _warnings(
     if bounds.jerk_groups:
         found.append("limits of jerk make the problem non-convex: the motion is a local optimum, and a faster one may "
                      "exist")  # fmt: skip
-    for path, timing in zip(paths, timings, strict=True):
-        if isinstance(timing, PathTiming) and timing.unproved.any():
-            place = 100.0 * float(timing.s[int(np.argmax(timing.unproved))]) / path.length
-            found.append(
-                f"at {place:.4g} % of the path friction or efficiency splits the allowed accelerations in two; a "
-                "faster motion may exist"
-            )
     found += limit_notes(bounds.mechanism.robot, motion.name, motion.time, motion.position)
     return tuple(dict.fromkeys(found))
 
 
-def _excess_warning(excess: float, factor: float, refined: bool, time_above: Callable[[], float]) -> tuple[str, ...]:
-    """What to say of a motion that is slower than its limits allow, or exceeds one; and for how long it does."""
+def _excess_warnings(worst: LimitExcess, parts: Sequence[TimedMotion], refined: bool) -> tuple[str, ...]:
+    """What to say of a motion that is slower than its limits allow, what that costs, or that exceeds a limit."""
     found: list[str] = []
-    if factor < 1.0 - SLOWER:
-        slower = 100.0 * (1.0 - factor)
-        found.append(
-            f"the motion is slower by {slower:.2g} % than the limits allow, so that it keeps them between rows"
-        )
-    if excess <= (TOLD if refined else TOLD_ON_GRID):
-        return tuple(found)
-    told = f"the motion exceeds a limit by up to {100.0 * excess:.2g} %"
-    if not refined:
-        return (*found, f"{told} between the cells of the grid")
-    time = time_above()
-    return (*found, f"{told}, and by more than {100.0 * TOLD:.2g} % for {time:.2g} s in all" if time > 0.0 else
-            f"{told} for an instant, where the acceleration changes")  # fmt: skip
+    begin = 0.0
+    for part in parts:
+        if part.before is not None and part.factor < 1.0 - SLOWER:
+            cost = (1.0 - part.factor) * part.motion.duration
+            at = replace(part.before, time=begin + part.before.time)
+            found.append(
+                f"the motion is slowed by {100.0 * (1.0 - part.factor):.2g} %, which costs {cost:.2g} s, so that it "
+                f"keeps the limits between rows: without that it would exceed {at}"
+            )
+        begin += part.motion.duration
+    if worst.share > (EXCEEDED if refined else TOLD_ON_GRID):
+        found.append(f"the motion exceeds {worst}" + ("" if refined else " (between the cells of the grid)"))
+    return tuple(found)
 
 
 def _chained(parts: Sequence[Array]) -> Array:

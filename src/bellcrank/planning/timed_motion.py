@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank._planner import excess as exceeded
 from bellcrank.motion.motion import Motion
+from bellcrank.planning.fastest_motion import LimitExcess
 from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid
 from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess
 from bellcrank.planning.joint_path import JointPath
@@ -26,6 +26,8 @@ MOST_SLOWED = 2e-3  # of the speed
 TOLERATED = 1e-3  # share of a limit: where more is exceeded, a motion on a grid is tried
 LASTING = 1e-5  # of the whole time: not where it is exceeded for a shorter time
 CELLS = 4000  # of that grid
+EXCEEDED = 1e-6  # share of a limit: a motion that exceeds it by less keeps it
+SIGN_KNOWN = 1e-9  # of a joint's largest speed: below, the sign of a speed is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +38,13 @@ class TimedMotion:
         motion: The motion.
         factor: The factor, at most 1, by which it is faster than its timing, so that it keeps the limits between rows.
         excess: The largest share by which it exceeds a limit.
+        before: By how much it would exceed a limit if it were not slower; None where it is not.
     """
 
     motion: Motion
     factor: float
     excess: float
+    before: LimitExcess | None = None
 
 
 def timed_motion(path: JointPath, timing: PathTiming | JerkTiming, bounds: PathLimits, refined: bool) -> TimedMotion:
@@ -92,13 +96,13 @@ def _slowed(motion: Motion, excess: float, bounds: PathLimits) -> TimedMotion:
         slower = scaled_motion(motion, factor)
         excess = limit_excess(bounds, slower)
         if excess <= KEPT:
-            return TimedMotion(slower, factor, excess)
+            return TimedMotion(slower, factor, excess, worst_excess(bounds, motion))
         slope = (before - excess) / (1.0 - factor)
     return TimedMotion(motion, 1.0, before)
 
 
 def _sampled(path: JointPath, timing: PathTiming, shortest: float) -> Motion:
-    rows = np.array(motion_rows(timing, shortest))
+    rows = np.array(motion_rows(timing, shortest, path.turning_points()))
     q, first, second = path.at(np.clip(rows[:, 1], 0.0, path.length))
     y, u = rows[:, 2:3], rows[:, 3:4]
     return Motion(path.joints, rows[:, 0], q, first * y, first * u + second * y * y, "part")
@@ -108,7 +112,21 @@ def limit_excess(bounds: PathLimits, motion: Motion) -> float:
     """The largest share by which a motion exceeds a limit, at its rows and between them."""
     wide = np.flatnonzero(np.diff(motion.time) > 0.0)
     worst = max(float(np.max(_excess_at(bounds, motion, wide, share))) for share in CHECKED_SHARES)
-    return max(worst, jerk_excess(motion, bounds.largest_jerk)) if bounds.jerk_groups else worst
+    return max(worst, jerk_excess(motion, bounds.largest_jerk)[0]) if bounds.jerk_groups else worst
+
+
+def worst_excess(bounds: PathLimits, motion: Motion) -> LimitExcess:
+    """The limit that a motion exceeds most, at its rows and between them, and for how long limits are exceeded."""
+    wide = np.flatnonzero(np.diff(motion.time) > 0.0)
+    table = np.stack([_excess_at(bounds, motion, wide, share) for share in CHECKED_SHARES])
+    place, row = np.unravel_index(int(np.argmax(table)), table.shape)
+    worst, share = float(table[place, row]), CHECKED_SHARES[int(place)]
+    lasting = time_above(bounds, motion, EXCEEDED) if worst > EXCEEDED else 0.0
+    if bounds.jerk_groups and (jerk := jerk_excess(motion, bounds.largest_jerk))[0] > worst:
+        return LimitExcess(f"jerk of {jerk[1]}", jerk[0], jerk[2], lasting)
+    time, *states = _states(motion, wide[[row]], share)
+    by_limit = {name: float(one[0]) for name, one in bounds.excess_by_limit(*states).items()}
+    return LimitExcess(max(by_limit, key=lambda name: by_limit[name]), worst, float(time[0]), lasting)
 
 
 def time_above(bounds: PathLimits, motion: Motion, excess: float) -> float:
@@ -125,10 +143,16 @@ def time_above(bounds: PathLimits, motion: Motion, excess: float) -> float:
 
 def _excess_at(bounds: PathLimits, motion: Motion, rows: NDArray[np.intp], share: float) -> Array:
     """The shares by which limits are exceeded after a share of the time from rows (n,) to the next ones."""
-    time = motion.time[rows] + share * np.diff(motion.time)[rows]
+    return bounds.excess_of_motion(*_states(motion, rows, share)[1:])
+
+
+def _states(motion: Motion, rows: NDArray[np.intp], share: float) -> tuple[Array, Array, Array, Array]:
+    """Times (n,) after a share of the time from rows (n,) to the next ones, and the states there. A speed that is 0 but
+    for rounding has the direction that it has between the rows, on which friction and the losses of gears depend.
+    """
+    step = np.diff(motion.time)[rows]
+    time = motion.time[rows] + share * step
     q, v, a = motion.at(time, side="after" if share < 1.0 else "before")
-    found = exceeded(bounds.of_motion(q, v, a), np.ones(len(q)), np.zeros(len(q)))
-    found = np.maximum(found, bounds.excess_of_curves(q, v, a))
-    for _, speeds in bounds.speed_limits(q, v):
-        found = np.maximum(found, 1.0 / speeds - 1.0)
-    return np.asarray(found)
+    middle = motion.at(motion.time[rows] + 0.5 * step)[1]
+    least = SIGN_KNOWN * np.abs(motion.velocity).max(axis=0)
+    return time, q, np.where(np.abs(v) < least, np.copysign(np.minimum(np.abs(middle), least), middle), v), a

@@ -16,6 +16,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.replays.page.array_encoding import deflate_base64
@@ -67,9 +68,9 @@ def selection_data(selection: Selection) -> dict[str, Any]:
         use = result.estimate if result.use is None else result.use
         return [names(result.name), number(use), VERDICTS.index(result.verdict), texts(readable(result.text))]
 
-    def candidate(one: Candidate, detail: PairDetail) -> dict[str, Any]:
+    def candidate(one: Candidate, detail: PairDetail, conditions: Conditions) -> dict[str, Any]:
         return {
-            "motor": motors(one.motor),
+            "motor": motors((one.motor, conditions)),
             "gear": gears(one.gear),
             "tier": TIERS.index(one.tier),
             "criteria": [criterion(result) for result in one.criteria],
@@ -93,7 +94,10 @@ def selection_data(selection: Selection) -> dict[str, Any]:
             "kept": each.kept,
             "advice": readable(each.advice),
             "cycles": [_cycle(cycle) for cycle in load.cycles],
-            "candidates": list(map(candidate, listed(each), pair_details(selection, each, listed(each)))),
+            "candidates": [
+                candidate(one, detail, each.conditions)
+                for one, detail in zip(listed(each), pair_details(selection, each, listed(each)), strict=True)
+            ],
         }
         for each, load in zip(selection.axes, loads, strict=True)
     ]
@@ -101,7 +105,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
         "axes": axes,
         "system": [criterion(result) for result in selection.system],
         "pareto": _combinations(selection),
-        "motors": [_motor(motor, selection) for motor in motors.number],
+        "motors": [_motor(motor, conditions) for motor, conditions in motors.number],
         "gears": [_gear(gear) for gear in gears.number],
         "names": list(names.number),
         "texts": list(texts.number),
@@ -155,8 +159,8 @@ def _rank(axis: AxisSelection, candidates: Sequence[Candidate]) -> int | None:
     return next((k for k, each in enumerate(candidates) if (each.motor.id, each.gear.id) == ids), None)
 
 
-def _motor(motor: Motor, selection: Selection) -> dict[str, Any]:
-    curves = motor_curves(motor, selection.conditions)
+def _motor(motor: Motor, conditions: Conditions) -> dict[str, Any]:
+    curves = motor_curves(motor, conditions)
     return {
         "id": readable(motor.id),
         "title": title(motor),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import fields
 from html import escape
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from bellcrank.reports.document_html import document_html, part_html
 from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.selection_data import encoded_selection, title
 from bellcrank.sizing.selection.selection import AxisSelection, Selection
-from bellcrank.sizing.selection.tables import maybe_too_weak
+from bellcrank.sizing.selection.tables import maybe_too_weak, selected_for
 
 ASSETS = Path(__file__).with_name("assets")
 SCRIPTS = (  # in the order in which they stand in the page
@@ -122,26 +121,35 @@ def _choice(axis: AxisSelection) -> tuple[str, ...]:
 def conditions_facts(selection: Selection) -> Facts:
     """The conditions, the values assumed for rows that lack them, and how the choice was found."""
     conditions = selection.conditions
-    rows = [
-        (WORDS.get(field.name, (field.name.replace("_", " "), ""))[0], _condition(conditions, field.name))
-        for field in fields(conditions)
-        if field.name not in ("momentary_loads", "assumed")
-    ]
+    rows = [(title, f"{_condition(conditions, name)}{_source(conditions, name)}") for name, (title, _) in WORDS.items()]
     units = {axis.axis.name: "N" if axis.axis.kind == "linear" else "N m" for axis in selection.axes}
     momentary = [
-        f"{name}: {load:g} {units.get(name, '')}".strip() for name, load in dict(conditions.momentary_loads).items()
+        f"{name}: {load:g} {units.get(name, '')}".strip() + _source(conditions, f"momentary_loads.{name}")
+        for name, load in dict(conditions.momentary_loads).items()
     ]
     rows.append(("rare loads", "; ".join(momentary) or "none given"))
-    assumed = [f"{name} = {value:g}" for name, value in dict(conditions.assumed).items()]
+    assumed = [
+        f"{name} = {value:g}{_source(conditions, f'assume.{name}')}" for name, value in dict(conditions.assume).items()
+    ]
     nothing = "nothing: what a product does not state stays unknown"
     rows.append(("assumed where not stated", "; ".join(assumed) or nothing))
+    common = selected_for(conditions)
+    for axis in selection.axes:
+        own = [row for row in selected_for(conditions, {axis.axis.name: axis.conditions}) if row not in common]
+        if own:
+            rows.append((f"at {axis.axis.name}", "; ".join(f"{name} {value}" for name, value in own)))
     for number, choice in enumerate(selection.iterations):
         rows.append((f"pass {number + 1} of the feedback of masses", "; ".join(pair or "nothing" for pair in choice)))
     return Facts("Conditions and assumptions", tuple(rows))
 
 
+def _source(conditions: Conditions, name: str) -> str:
+    """Where a condition that is stated comes from, in parentheses."""
+    return f" ({conditions.sources[name]})" if name in conditions.sources else ""
+
+
 def _condition(conditions: Conditions, name: str) -> str:
-    value, unit = getattr(conditions, name), WORDS.get(name, ("", ""))[1]
+    value, unit = getattr(conditions, name), WORDS[name][1]
     if value is None:
         return DEFAULTS.get(name, "unknown")
     if isinstance(value, bool):

@@ -67,8 +67,10 @@ def _power(peak: Peak | None) -> str:
 def _status(sizing: Sizing) -> str:
     if sizing.unsizable:
         return "Cannot be sized"
-    if not sizing.inside:
+    if sizing.exceeded:
         return "Exceeded"
+    if sizing.undetermined:
+        return "Not known"
     if sizing.unknown:
         return "Inside as far as known"
     return "OK" if any(_limited(sizing)) else "No limits"

@@ -2,11 +2,12 @@
 
 Keys: name; urdf (a path relative to the file, or the name of a robot); gravity (m/s²); floating_base; friction ("urdf",
 "none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
-(motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator_fields.py); catalogue, a folder with tables of
-motors and gears that actuators name; and, for a mechanism with closed loops, actuated, the list of joints with motors
-(by default those with actuators). For the selection of motors: transmissions, the coupled transmissions
-(actuators/coupled_transmission.py; their actuators are named by motor); mounts {joint or motor: {…}}
-(actuators/mount.py); and duty, the order of motions and pauses (motion/duty_program.py).
+(motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator_fields.py); conditions, under which actuators are
+judged (actuators/condition_fields.py); catalogue, a folder with tables of motors and gears that actuators name; and,
+for a mechanism with closed loops, actuated, the list of joints with motors (by default those with actuators). For the
+selection of motors: transmissions, the coupled transmissions (actuators/coupled_transmission.py; their actuators are
+named by motor); mounts {joint or motor: {…}} (actuators/mount.py); and duty, the order of motions and pauses
+(motion/duty_program.py).
 
 The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
 them, reports that controllers and the clock of the start are not used, and ignores the others.
@@ -23,6 +24,8 @@ from typing import TYPE_CHECKING, Any
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuators_from_fields, catalogue_folder
+from bellcrank.actuators.condition_fields import ROBOT_WIDE, given_conditions
+from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, transmissions_from_fields
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
@@ -48,7 +51,7 @@ if TYPE_CHECKING:
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
-    "catalogue", "transmissions", "mounts", "duty", "rotor_inertia", "robot_file", "xacro_args", "notes",
+    "conditions", "catalogue", "transmissions", "mounts", "duty", "rotor_inertia", "robot_file", "xacro_args", "notes",
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
@@ -75,6 +78,8 @@ class RobotConfig:
         frames: Additional frames by name: (link, xyz in m, rpy in rad).
         motions: The entries of the motions by name; `motion` computes one.
         actuators: The motor and gear of joints, by joint; of a coupled transmission by motor.
+        conditions: Supply, surroundings and safety, under which the actuators are judged; an actuator of a motor and a
+            gear has those of its axis.
         actuated: The joints with motors, for a mechanism with closed loops; empty: those with actuators.
         catalogue: The folder with motors and gears of the robot's own; None where there is none.
         transmissions: The coupled transmissions.
@@ -103,6 +108,7 @@ class RobotConfig:
     frames: Mapping[str, Frame] = field(default_factory=dict)
     motions: Mapping[str, MotionEntry] = field(default_factory=dict)
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
     actuated: tuple[str, ...] = ()
     catalogue: Path | None = None
     transmissions: tuple[CoupledTransmission, ...] = ()
@@ -315,7 +321,8 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     entries = {key: read_motion_entry(key, motions.mapping(key)) for key in motions}
     check_references(entries)
     catalogue = catalogue_folder(fields)
-    actuators = actuators_from_fields(fields, catalogue)
+    conditions = _conditions(fields.mapping(ROBOT_WIDE, {}))
+    actuators = actuators_from_fields(fields, catalogue, conditions)
     actuated = fields.raw("actuated", ())
     if not isinstance(actuated, (list, tuple)) or not all(isinstance(joint, str) for joint in actuated):
         raise fields.error("actuated", "expected a list of joints, such as [crank]")
@@ -343,6 +350,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         frames=frames,
         motions=entries,
         actuators=actuators,
+        conditions=conditions,
         actuated=tuple(actuated),
         catalogue=catalogue,
         transmissions=transmissions,
@@ -390,6 +398,13 @@ def _payload(fields: Fields) -> Payload:
         )
     except InputError as error:
         raise fields.error("", str(error)) from None
+
+
+def _conditions(fields: Fields) -> Conditions:
+    """The conditions of the whole robot. Raises InputError."""
+    given = given_conditions(fields)
+    fields.done()
+    return Conditions().updated(given, ROBOT_WIDE)
 
 
 def _frames(fields: Fields) -> dict[str, Frame]:

@@ -150,7 +150,7 @@ def _without_catalogue(scene: Scene, data: dict[str, Any]) -> dict[str, Any]:
     actuators = scene.config.actuators
     if not any(isinstance(one, MotorWithGear) for one in actuators.values()):
         return {}
-    return {"actuators": {joint: actuator_data(one) for joint, one in actuators.items()}}
+    return {"actuators": {joint: actuator_data(one, scene.config.conditions) for joint, one in actuators.items()}}
 
 
 def _add(files: dict[str, str], path: Path, text: str) -> str:

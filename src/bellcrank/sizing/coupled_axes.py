@@ -15,6 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 Array = NDArray[np.float64]
+ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # of the terms of a sum
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,14 @@ class AxisCoordinates:
     kinds: tuple[Literal["rotary", "linear"], ...]
     joints: tuple[tuple[str, ...], ...]
     mounted_at: Mapping[str, str]
+
+
+def of_axes(matrix: Array, values: Array) -> Array:
+    """The axes' coordinates C x (n, k), or their derivatives, of those of joints (n, k); 0 where the terms cancel but
+    for rounding, as the speed of an axis does that rests while its joints move.
+    """
+    found, size = values @ matrix.T, np.abs(values) @ np.abs(matrix).T
+    return np.asarray(np.where(np.abs(found) <= ROUNDING * size, 0.0, found))
 
 
 def axis_coordinates(mechanism: Mechanism, transmissions: Sequence[CoupledTransmission]) -> AxisCoordinates:

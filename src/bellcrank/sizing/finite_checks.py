@@ -74,6 +74,8 @@ def _numbers(value: Any, name: str) -> Iterable[tuple[str, float]]:
         yield name, value
     elif is_dataclass(value):
         for entry in fields(value):
+            if entry.name == "judged":  # a use is infinite where the limit is 0, or the temperature rises without end
+                continue
             yield from _numbers(getattr(value, entry.name), f"{name} {entry.name}".replace("_", " ").strip())
     elif isinstance(value, Mapping):
         for key, each in value.items():

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bellcrank.sizing.margins import LEAST_MARGIN
+from bellcrank.sizing.drive_verdicts import kept
 from bellcrank.sizing.shaft_sizing import Peak as Peak
 from bellcrank.sizing.shaft_sizing import ShaftSizing as ShaftSizing
 
@@ -204,12 +204,12 @@ class JointSizing:
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is not kept."""
         found = []
-        if self.effort_margin is not None and self.effort_margin < LEAST_MARGIN:
+        if not kept(self.effort_margin):
             found.append(
                 f"joint '{self.name}' needs {self.peak_torque:.4g} {self.torque_unit}, "
                 f"the URDF's effort limit is {self.effort_limit:.4g} {self.torque_unit}"
             )
-        if self.velocity_margin is not None and self.velocity_margin < LEAST_MARGIN:
+        if not kept(self.velocity_margin):
             found.append(
                 f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
                 f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"

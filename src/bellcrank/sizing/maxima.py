@@ -92,7 +92,7 @@ def _probed(motion: Motion, grid: Grid, quantities: Quantities, times: Array, co
         first = block * step
         some, wanted = every[first : first + step], order[begin:end]
         force_times = np.minimum(some, grid.force_time[-1])  # the motion ends before a jump at its end
-        found = list(quantities(force_times, *motion.at(some)).values())
+        found = list(quantities(force_times, *grid.at(motion, some)).values())
         edges = np.cumsum([0, *(part.shape[1] for part in found)])
         of = np.searchsorted(edges, columns[wanted], side="right") - 1
         for k, part in enumerate(found):

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,18 +28,29 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion, require_joints
 from bellcrank.sizing.coupled_axes import axis_coordinates
+from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts, judge_drives
 from bellcrank.sizing.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
-from bellcrank.sizing.margins import PHRASES, continuous_use, margins, unknown_margins
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
-from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, interpolation_warnings, peaks_along, worst_peaks
+from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
 from bellcrank.sizing.motor_loads import MotorLoads
 from bellcrank.sizing.result import Sizing, SizingInputs
 from bellcrank.sizing.shaft_sizing import MotorSizing
 from bellcrank.sizing.structure_loads import worst_loads
+
+if TYPE_CHECKING:
+    from bellcrank.actuators.conditions import Conditions
+    from bellcrank.actuators.mount import Mount
+    from bellcrank.motion.duty_program import DutyStep
+
+PHRASES = {
+    "efficiency": "the gear's efficiency",
+    "rotor_inertia": "the rotor inertia",
+    "gear_inertia": "the gear's inertia",
+}
 
 
 def size_mechanism(
@@ -48,10 +60,15 @@ def size_mechanism(
     mass_tolerance: float = 0.0,
     allow_massless: Iterable[str] = (),
     transmissions: Sequence[CoupledTransmission] = (),
+    *,
+    duty: Sequence[DutyStep] | None = None,
+    mounts: Mapping[str, Mount] | None = None,
+    conditions: Conditions | None = None,
 ) -> Sizing:
     """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is included.
 
-    `actuators` are by joint, those of coupled transmissions by motor.
+    `actuators` are by joint, those of coupled transmissions by motor; they are judged along the cycle of `duty`, by
+    default along each motion as a cycle.
 
     Raises InputError where there is no motion or a motion is of another robot, where an actuator names no joint or
     gives its rotor another inertia than the robot has, and where a load or margin is not a finite number.
@@ -61,6 +78,16 @@ def size_mechanism(
     _check(mechanism, motions, actuators)
     robot = mechanism.robot
     motions = [with_force_rows(mechanism, motion) for motion in motions]
+    judged = judge_drives(
+        mechanism,
+        motions,
+        at_axes,
+        duty=duty,
+        transmissions=transmissions,
+        mounts=mounts,
+        conditions=conditions,
+        mass_tolerance=mass_tolerance,
+    )
     loads: JointLoads = JointLoads(mechanism, actuators, mass_tolerance)
     supplied, motors = loads, tuple[MotorSizing, ...]()
     with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
@@ -69,9 +96,9 @@ def size_mechanism(
             coordinates = axis_coordinates(mechanism, transmissions)
             supplied = MotorLoads(mechanism, at_axes, mass_tolerance, coordinates)
             supply = [_peaks_along(supplied, motion) for motion in motions]
-            motors = _motor_sizings(supplied, supply, coupled)
+            motors = _motor_sizings(supplied, supply, coupled, judged)
         holding = holding_torques(mechanism, motions, mass_tolerance)
-    joints = tuple(_joint_sizing(loads, k, each, motions, holding) for k in range(len(loads.joints)))
+    joints = tuple(_joint_sizing(loads, k, each, motions, holding, judged) for k in range(len(loads.joints)))
     for joint in joints:
         refuse_non_finite_joint(robot.name, joint)
     massless = massless_motors(mechanism, motions, allow_massless)
@@ -84,11 +111,11 @@ def size_mechanism(
     for name, one in at_axes.items():
         what = _what(name, coupled)
         warnings += [f"actuator of {what}: {text}" for text in one.doubts]
-        if one.not_compared:
-            warnings.append(f"{what}: {' and '.join(one.not_compared)} are not compared here; `bellcrank select` does")
+    warnings += judged.warnings
     warnings += gear_notes(mechanism, joints, at_axes)
     warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(supplied, coupled)]
-    warnings += interpolation_warnings(joints)
+    undetermined = tuple(dict.fromkeys(text for peaks in each for text in peaks.undetermined))
+    warnings += undetermined
     warnings += holding.notes
     if others := ", ".join(f"'{joint.name}' ({joint.kind})" for joint in robot.joints if joint.nv != 1):
         warnings.append(f"joints with several degrees of freedom have no single motor and are not sized: {others}")
@@ -110,6 +137,8 @@ def size_mechanism(
         allowed_massless=tuple(massless.allowed),
         motors=motors,
         structure=worst_loads([peaks.structure for peaks in each]),
+        undetermined=undetermined,
+        system=judged.system,
     )
 
 
@@ -171,7 +200,12 @@ def _check(mechanism: Mechanism, motions: Sequence[Motion], actuators: Mapping[s
 
 
 def _joint_sizing(
-    loads: JointLoads, k: int, each: Sequence[MotionPeaks], motions: Sequence[Motion], holding: Holding
+    loads: JointLoads,
+    k: int,
+    each: Sequence[MotionPeaks],
+    motions: Sequence[Motion],
+    holding: Holding,
+    judged: DriveVerdicts,
 ) -> JointSizing:
     """The sizing of the k-th joint from its peaks along each motion."""
     robot, joint = loads.mechanism.robot, loads.joints[k]
@@ -201,12 +235,14 @@ def _joint_sizing(
         velocity_limit=_given(robot.velocity_limit[joint.v]),
         position_range=(worst.lowest_position.value, worst.highest_position.value),
         position_limits=(_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
-        shaft=None if actuator is None else _shaft_sizing(actuator, worst, cycles),
+        shaft=None if actuator is None else _shaft_sizing(actuator, worst, cycles, judged.of(joint.name)),
         position_noise=max(motion.position_noise[joint.q] for motion in motions),
     )
 
 
-def _motor_sizings(loads: MotorLoads, each: Sequence[MotionPeaks], names: Container[str]) -> tuple[MotorSizing, ...]:
+def _motor_sizings(
+    loads: MotorLoads, each: Sequence[MotionPeaks], names: Container[str], judged: DriveVerdicts
+) -> tuple[MotorSizing, ...]:
     """The sizing of motors of coupled transmissions from the peaks at their axes along each motion."""
     found = []
     for k, name in enumerate(loads.joint_names):
@@ -219,7 +255,7 @@ def _motor_sizings(loads: MotorLoads, each: Sequence[MotionPeaks], names: Contai
             peak_torque=max((worst.max_torque, worst.min_torque), key=lambda peak: abs(peak.value)),
             peak_speed=worst.peak_speed,
             rms_torque=max(cycle.rms_torque for cycle in cycles),
-            shaft=_shaft_sizing(loads.actuators[name], worst, cycles),
+            shaft=_shaft_sizing(loads.actuators[name], worst, cycles, judged.of(name)),
         )
         refuse_non_finite_motor(loads.mechanism.robot.name, motor)
         found.append(motor)
@@ -235,31 +271,18 @@ def _friction_share(loads: JointLoads, k: int, peak: Peak, motions: Sequence[Mot
     return friction / abs(peak.value) if peak.value else 0.0
 
 
-def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle]) -> ShaftSizing:
-    """What the motor's shaft delivers, and how much of the actuator's limits is left."""
+def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle], judged: DriveVerdict) -> ShaftSizing:
+    """What the motor's shaft delivers, and what criteria say of it."""
     speed, known = peaks.peak_speed, not actuator.unknown_of_torque
-    turns = Peak(actuator.ratio * speed.value, speed.time, speed.motion, speed.position)
-    torque = peaks.shaft_torque if known else None
-    curve = peaks.curve_use if known and actuator.has_limits else None
     reflected = actuator.reflected_inertia
-    found = margins(
-        actuator,
-        peak_torque=None if torque is None else torque.value,
-        continuous_use=continuous_use(
-            actuator, ((cycle.rms_shaft_torque, actuator.ratio * cycle.mean_speed) for cycle in cycles)
-        ),
-        speed=turns.value,
-        curve_use=None if curve is None else curve.value,
-    )
     return ShaftSizing(
         actuator=actuator,
-        peak_torque=torque,
+        peak_torque=peaks.shaft_torque if known else None,
         rms_torque=max(cycle.rms_shaft_torque or 0.0 for cycle in cycles) if known else None,
-        peak_speed=turns,
-        curve_use=curve,
+        peak_speed=Peak(actuator.ratio * speed.value, speed.time, speed.motion, speed.position),
+        curve_use=peaks.curve_use if known and actuator.has_limits else None,
         inertia_ratio=peaks.largest_inertia.value / reflected if reflected else None,
-        margins=found,
-        unknown=unknown_margins(actuator, found),
+        judged=judged,
     )
 
 

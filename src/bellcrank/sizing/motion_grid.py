@@ -3,18 +3,22 @@
 The time between the rows of a motion is divided into parts: at the reversals of every joint, where friction and the
 losses of a gear jump; at the rows of force tables, where forces may jump; and further where torques change fast
 (friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
-Gauss-Legendre sums over the three inner points of each part.
+Gauss-Legendre sums over the three inner points of each part. Speeds at the ends of parts are one-sided limits
+(sizing/one_sided.py). A mechanism that is at rest where a motion begins or ends rests before and after it too: there a
+point without acceleration is added.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.motion.motion import Motion
+from bellcrank.sizing.one_sided import STILL, Sides
 
 Array = NDArray[np.float64]
 Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
@@ -27,7 +31,6 @@ HALVINGS = 16  # of a part, at most
 SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
 NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
 MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
-STILL = 1e-9  # rad/s or m/s: slower is at rest, and the sign of its speed is rounding
 BISECTIONS = 40  # of the part in which a velocity changes sign
 BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
 LEAST_BLOCK = 9  # states that are evaluated together, at least
@@ -38,7 +41,8 @@ class Grid:
     """Points along a motion: times (n,), s, states q (n, nq), v and a (n, nv), and integration weights (n,), s.
 
     `force_time` (n,) is the time at which forces are evaluated: just before `time` where a part ends, so that a force
-    that jumps there has its limit from before. `part` (n,) numbers the part of each point, from 0.
+    that jumps there has its limit from before. `part` (n,) numbers the part of each point, from 0. `sides` are those of
+    the velocities.
     """
 
     time: Array
@@ -48,6 +52,12 @@ class Grid:
     acceleration: Array
     weight: Array
     part: NDArray[np.intp]
+    sides: Sides
+
+    def at(self, motion: Motion, time: Array) -> tuple[Array, Array, Array]:
+        """The states q (m, nq), v and a (m, nv) of the motion at times (m,), with one-sided speeds."""
+        q, v, a = motion.at(time)
+        return q, self.sides.of_velocity(time, v), a
 
 
 def grid_along(
@@ -62,7 +72,8 @@ def grid_along(
     low, high = edges[:-1], edges[1:]
     if torque is not None:
         low, high = _halved(motion, torque, low, high)
-    return with_probes(motion, _grid(motion, low, high), np.zeros(0) if probes is None else probes)
+    grid = _with_rest(motion, _grid(motion, low, high))
+    return grid if probes is None else with_probes(motion, grid, probes)
 
 
 def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
@@ -74,7 +85,14 @@ def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
     grid = _grid(motion, low, high)
     smooth = np.flatnonzero(~np.isin(low[1:], kinks)) + 1  # both sides of their first edge are alike
     keep = np.delete(np.arange(len(grid.time)), smooth * len(_NODES))
-    return Grid(**{field.name: getattr(grid, field.name)[keep] for field in fields(Grid)})
+    kept = {one.name: getattr(grid, one.name)[keep] for one in fields(Grid) if one.name != "sides"}
+    return _with_rest(motion, replace(grid, **kept))
+
+
+def motion_sides(motion: Motion) -> Sides:
+    """The sides of the speeds of a motion."""
+    edges, _ = _edges(motion, np.zeros(0))
+    return _grid(motion, edges[:-1], edges[1:]).sides
 
 
 def _grid(motion: Motion, low: Array, high: Array) -> Grid:
@@ -95,7 +113,23 @@ def _grid(motion: Motion, low: Array, high: Array) -> Grid:
         points = np.arange(len(low))[at_row] * len(_NODES) + place
         position[points], velocity[points] = motion.position[row[at_row]], motion.velocity[row[at_row]]
         acceleration[points] = motion.acceleration[row[at_row]]
-    return Grid(time, force_time, position, velocity, acceleration, weight, part)
+    sides = Sides.of(float(low[0]), high, np.arange(len(low)) * len(_NODES), velocity)
+    velocity = sides.of_velocity(force_time, velocity)
+    return Grid(time, force_time, position, velocity, acceleration, weight, part, sides)
+
+
+def _with_rest(motion: Motion, grid: Grid) -> Grid:
+    """The grid with points of weight 0 before and after the motion, at rest, where it begins and ends at rest."""
+    first, last = (int(np.abs(motion.velocity[row]).max(initial=0.0) <= STILL) for row in (0, -1))
+    added: dict[str, Any] = {}
+    for one in fields(Grid):
+        if one.name != "sides":
+            values = getattr(grid, one.name)
+            ends = [np.repeat(values[:1], first, axis=0), np.repeat(values[-1:], last, axis=0)]
+            if one.name in ("velocity", "acceleration"):
+                ends = [0.0 * end for end in ends]
+            added[one.name] = np.concatenate([ends[0], values, ends[1]])
+    return replace(grid, **added)
 
 
 def with_probes(motion: Motion, grid: Grid, probes: Array) -> Grid:
@@ -107,9 +141,10 @@ def with_probes(motion: Motion, grid: Grid, probes: Array) -> Grid:
     at = np.searchsorted(grid.time, probes)
     position, velocity, acceleration = (
         np.insert(old, at, new, axis=0)
-        for old, new in zip((grid.position, grid.velocity, grid.acceleration), motion.at(probes), strict=True)
+        for old, new in zip((grid.position, grid.velocity, grid.acceleration), grid.at(motion, probes), strict=True)
     )
-    return Grid(
+    return replace(
+        grid,
         time=np.insert(grid.time, at, probes),
         force_time=np.insert(grid.force_time, at, probes),
         position=position,
@@ -122,7 +157,7 @@ def with_probes(motion: Motion, grid: Grid, probes: Array) -> Grid:
 
 def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
     """Edges (m + 1,), s, of the parts: the motion's rows, divided further, breaks, and reversals of any joint; and
-    those at which loads or their slopes jump: breaks, reversals and jumps of acceleration.
+    those at which loads or their slopes jump: breaks, reversals, ends of rest and jumps of acceleration.
     """
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
     length = motion.time[starts + 1] - motion.time[starts]
@@ -132,15 +167,16 @@ def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
     breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
     edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
     speed = motion.at(edges)[1]
-    moving = np.maximum(np.abs(speed[:-1]), np.abs(speed[1:])) > STILL
-    row, column = np.nonzero((speed[:-1] * speed[1:] < 0.0) & moving)
+    speed[np.abs(speed) <= STILL] = 0.0
+    stops = edges[1:-1][((speed[1:-1] == 0.0) & ((speed[:-2] != 0.0) | (speed[2:] != 0.0))).any(axis=1)]
+    row, column = np.nonzero(speed[:-1] * speed[1:] < 0.0)
     low, high = edges[row].copy(), edges[row + 1].copy()
     for _ in range(BISECTIONS if row.size else 0):
         middle = 0.5 * (low + high)
         before = motion.at(middle)[1][np.arange(len(row)), column] * speed[row, column] > 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     jumps = motion.time[1:][np.diff(motion.time) == 0.0]
-    return np.unique(np.concatenate([edges, low])), np.unique(np.concatenate([breaks, low, jumps]))
+    return np.unique(np.concatenate([edges, low])), np.unique(np.concatenate([breaks, low, stops, jumps]))
 
 
 def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:

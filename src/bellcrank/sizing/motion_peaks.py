@@ -1,4 +1,6 @@
-"""Peak loads of each joint along a motion, its cycle, and a check that peaks do not rest on interpolation."""
+"""Peak loads of each joint along a motion, its cycle, and whether the rows of a sampled motion determine the peaks: one
+that changes where every other row is left out, or that only interpolation makes, is not known.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +10,23 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks, force_times
+from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import coulomb_widths
 from bellcrank.motion.motion import Motion
+from bellcrank.motion.sampled_motion import with_every_other_row
 from bellcrank.sizing.finite_checks import refuse_non_finite, root_mean_square
 from bellcrank.sizing.joint_loads import JointLoads
-from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak
+from bellcrank.sizing.joint_sizing import Cycle, Peak
 from bellcrank.sizing.maxima import Maxima, maxima
 from bellcrank.sizing.motion_grid import Grid, grid_along, reversal_times
 from bellcrank.sizing.structure_loads import StructureLoad, structure_loads
 
 Array = NDArray[np.float64]
-TOLERATED = 0.02  # of the peak: it may exceed the largest torque at the rows by this without a warning
+TOLERATED = 0.02  # of a peak: it may exceed that at the rows, and another sampling may change it, by this
+NOTHING = 1e-6  # of the largest peak of all joints: smaller ones are not compared
+FEW = 12  # rows: fewer do not say whether they are noisy
+MORE_ROWS = "give more rows, and accelerations where the motion has none"
+LESS_NOISE = "its rows are noisy or have too few digits: filter them, or give accelerations"
 LOWEST = ("min_torque", "lowest_position")  # minima among the peaks; they are found as maxima of the negated series
 
 
@@ -46,7 +53,8 @@ class JointPeaks:
 class MotionPeaks:
     """The peaks and cycles of all joints along a motion, those of the supply, and the loads in the structure.
 
-    The supply's are None where they are unknown; an open chain has no loads in its structure.
+    The supply's are None where they are unknown; an open chain has no loads in its structure. `undetermined` has a
+    sentence for each joint whose peaks the rows of the motion do not determine.
     """
 
     joints: tuple[JointPeaks, ...]
@@ -54,6 +62,7 @@ class MotionPeaks:
     supply: Peak | None
     regeneration: Peak | None
     structure: tuple[StructureLoad, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
 
 def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
@@ -70,12 +79,13 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
         largest |= most
     peaks = {name: _peaks(motion, found, -1.0 if name in LOWEST else 1.0) for name, found in largest.items()}
     [supply], [regeneration] = peaks.pop("supply"), peaks.pop("regeneration")
-    peaks["sampled_torque"] = _peaks_at_rows(loads, motion)
+    peaks["sampled_torque"] = _peaks_at_rows(motion, grid, np.maximum(values["max_torque"], values["min_torque"]))
     joints = tuple(JointPeaks(**{name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
     cycles, structure = _cycles(loads, motion, grid, values), structure_loads(mechanism, motion, grid)
+    doubts = _undetermined(loads, motion, grid, joints)
     if loads.unknown_supply:
-        return MotionPeaks(joints, cycles, None, None, structure)
-    return MotionPeaks(joints, cycles, supply, regeneration, structure)
+        return MotionPeaks(joints, cycles, None, None, structure, doubts)
+    return MotionPeaks(joints, cycles, supply, regeneration, structure, doubts)
 
 
 def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:
@@ -87,20 +97,6 @@ def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:
     return JointPeaks(**worst)
 
 
-def interpolation_warnings(joints: Sequence[JointSizing]) -> list[str]:
-    """A sentence for each joint whose peak torque between rows exceeds that at the rows by more than 2 %."""
-    found = []
-    for joint in joints:
-        peak, unit = joint.peaks["peak_torque"], joint.torque_unit
-        if joint.peak_torque - joint.sampled_torque > TOLERATED * joint.peak_torque:
-            found.append(
-                f"joint '{joint.name}': its peak of {joint.peak_torque:.4g} {unit} lies between two rows of motion "
-                f"'{peak.motion}' (at {peak.time:.4g} s), where it rests on interpolation; at the rows it is "
-                f"{joint.sampled_torque:.4g} {unit}; give more rows, and accelerations where the motion has none"
-            )
-    return found
-
-
 def _peaks(motion: Motion, found: Maxima, sign: float) -> list[Peak]:
     """Maxima as peaks, their values times a sign."""
     return [
@@ -109,15 +105,12 @@ def _peaks(motion: Motion, found: Maxima, sign: float) -> list[Peak]:
     ]
 
 
-def _peaks_at_rows(loads: JointLoads, motion: Motion) -> list[Peak]:
-    """The largest |torque| of each joint at the rows of a motion."""
-    low, high = loads.torque_range(
-        force_times(motion.time, motion.time[-1]), motion.position, motion.velocity, motion.acceleration
-    )
-    torque = np.maximum(np.abs(low), np.abs(high))
-    rows = torque.argmax(axis=0)
+def _peaks_at_rows(motion: Motion, grid: Grid, torque: Array) -> list[Peak]:
+    """The largest |torque| (n, k) of each joint at those points of the grid that are rows of the motion."""
+    at_rows = np.flatnonzero(np.isin(grid.time, motion.time))
+    rows = at_rows[torque[at_rows].argmax(axis=0)]
     return [
-        Peak(float(torque[row, k]), float(motion.time[row]), motion.name, tuple(map(float, motion.position[row])))
+        Peak(float(torque[row, k]), float(grid.time[row]), motion.name, tuple(map(float, grid.position[row])))
         for k, row in enumerate(rows.tolist())
     ]
 
@@ -145,3 +138,65 @@ def _cycles(loads: JointLoads, motion: Motion, grid: Grid, values: Mapping[str, 
         )
         for k, name in enumerate(loads.joint_names)
     )
+
+
+def _undetermined(loads: JointLoads, motion: Motion, grid: Grid, joints: Sequence[JointPeaks]) -> tuple[str, ...]:
+    """A sentence for each joint whose peak torque or speed along a motion its rows do not determine to 2 %."""
+    if not motion.interpolated.any():
+        return ()
+    fewer = with_every_other_row(motion)
+    if fewer is None:
+        return _between_rows(loads, motion, joints)
+    inside = np.flatnonzero(grid.weight > 0.0)
+    times, forces = grid.time[inside], grid.force_time[inside]
+    whole, half = (_sampled(loads, one, times, forces) for one in (motion, fewer))
+    changed = np.abs(whole - half) > TOLERATED * whole
+    changed &= whole > NOTHING * whole.max(axis=1, initial=0.0, keepdims=True)
+    found: dict[str, str] = {}
+    for what, k in np.argwhere(changed).tolist():
+        joint = loads.joints[k]
+        unit = (("N m", "N"), ("rad/s", "m/s"))[what][joint.kind == "prismatic"]
+        remedy = LESS_NOISE if any(map(_noisy, motion.acceleration.T)) else MORE_ROWS
+        text = (
+            f"joint '{joint.name}': its peak {('torque', 'speed')[what]} along motion '{motion.name}' is not known: it "
+            f"is {whole[what, k]:.4g} {unit}, and {half[what, k]:.4g} {unit} where every other row is left out; "
+            f"{remedy}"
+        )
+        found.setdefault(joint.name, text)
+    return tuple(found.values())
+
+
+def _noisy(acceleration: Array) -> bool:
+    """Whether the second differences of an acceleration at rows (n,) are mostly of alternating sign, as of noise."""
+    bend = np.diff(acceleration, 2)
+    if len(bend) < FEW:
+        return False
+    turns = bend[1:] * bend[:-1] < 0.0
+    return bool(np.abs(bend[1:][turns]).sum() > 0.5 * np.abs(bend).sum())
+
+
+def _between_rows(loads: JointLoads, motion: Motion, joints: Sequence[JointPeaks]) -> tuple[str, ...]:
+    """A sentence for each joint whose peak torque lies where the motion is interpolated and exceeds that at the rows by
+    more than 2 %.
+    """
+    found = []
+    for joint, peaks in zip(loads.joints, joints, strict=True):
+        peak = max((peaks.max_torque, peaks.min_torque), key=lambda one: abs(one.value))
+        row = int(np.clip(np.searchsorted(motion.time, peak.time, side="right") - 1, 0, len(motion) - 2))
+        if abs(peak.value) - peaks.sampled_torque.value <= TOLERATED * abs(peak.value) or not motion.interpolated[row]:
+            continue
+        unit = "N" if joint.kind == "prismatic" else "N m"
+        found.append(
+            f"joint '{joint.name}': its peak of {abs(peak.value):.4g} {unit} lies between two rows of motion "
+            f"'{motion.name}' (at {peak.time:.4g} s), where it rests on interpolation; at the rows it is "
+            f"{peaks.sampled_torque.value:.4g} {unit}; {MORE_ROWS}"
+        )
+    return tuple(found)
+
+
+def _sampled(loads: JointLoads, motion: Motion, times: Array, forces: Array) -> Array:
+    """The largest torques and speeds (2, k) at times (m,)."""
+    q, v, a = motion.at(times)
+    low, high = loads.torque_range(forces, q, v, a)
+    speed = np.abs(loads.moving(v[:, loads.columns])).max(axis=0)
+    return np.stack([np.maximum(np.abs(low), np.abs(high)).max(axis=0), speed])

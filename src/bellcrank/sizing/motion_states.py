@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from bellcrank.cached_values import cached_property
 from bellcrank.motion.hermite import quintic
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.motion_grid import Grid
+from bellcrank.sizing.one_sided import STILL, Sides
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
@@ -19,7 +20,9 @@ States = tuple[Array, Array, Array]  # q, v, a
 
 
 class MotionStates(Protocol):
-    """The states of designs, each of which takes a factor on the motion's time; times are those of the motion."""
+    """The states of designs, each of which takes a factor on the motion's time; times are those of the motion. Speeds
+    are one-sided (sizing/one_sided.py).
+    """
 
     def on_grid(self, design: int) -> States:
         """The states (n, …) of a design at the points of the grid."""
@@ -43,7 +46,7 @@ class SharedStates:
 
     def between(self, designs: Whole, times: Array) -> States:
         """The states at times."""
-        q, v, a = self.motion.at(times)
+        q, v, a = self.grid.at(self.motion, times)
         stretch = self.stretch[designs, None]
         return q, v / stretch, a / stretch**2
 
@@ -67,6 +70,7 @@ class OwnStates:
     velocity: Array
     acceleration: Array
     stretch: Array
+    _sides: dict[int, Sides] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def _rows(self) -> tuple[Whole, Whole, Whole]:
@@ -91,8 +95,13 @@ class OwnStates:
         found = quintic(self.motion.time, *own, self.grid.time, step)
         for values, exact in zip(found, own, strict=True):
             values[points] = exact[rows]
+        first = np.flatnonzero(np.diff(self.grid.part, prepend=-1))
+        sides = Sides.of(float(self.motion.time[0]), self.grid.sides.end, first, found[1])
+        self._sides[design] = sides
+        moves = (self.grid.velocity.any(axis=1) | self.grid.acceleration.any(axis=1))[:, None]
         stretch = self.stretch[design]
-        return found[0], found[1] / stretch, found[2] / stretch**2
+        velocity = sides.of_velocity(self.grid.force_time, found[1])
+        return found[0], moves * velocity / stretch, moves * found[2] / stretch**2
 
     def between(self, designs: Whole, times: Array) -> States:
         """The states at times."""
@@ -100,9 +109,15 @@ class OwnStates:
         step = np.clip(np.searchsorted(time, times, side="right") - 1, 0, count - 2)
         many = [each.reshape(-1, each.shape[2]) for each in (self.position, self.velocity, self.acceleration)]
         place = designs * count + step
-        found = quintic_at(time[step], time[step + 1], many, times, place)
+        q, v, a = quintic_at(time[step], time[step + 1], many, times, place)
+        slow = np.asarray(np.abs(v) <= STILL).any(axis=1)
+        for design in np.unique(designs[slow]):
+            here = designs == design
+            if design not in self._sides:
+                self.on_grid(int(design))
+            v[here] = self._sides[int(design)].of_velocity(times[here], v[here])
         stretch = self.stretch[designs, None]
-        return found[0], found[1] / stretch, found[2] / stretch**2
+        return q, v / stretch, a / stretch**2
 
 
 def quintic_at(low: Array, high: Array, values: list[Array], times: Array, place: Whole) -> States:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.sizing.coupled_axes import AxisCoordinates
+from bellcrank.sizing.coupled_axes import AxisCoordinates, of_axes
 from bellcrank.sizing.joint_loads import JointLoads
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class MotorLoads(JointLoads):
 
     def moving(self, values: Array) -> Array:
         """The axes' coordinates (n, k) of values of the joints' coordinates (n, k): positions, or their derivatives."""
-        return np.asarray(values @ self.coordinates.matrix.T)
+        return of_axes(self.coordinates.matrix, values)
 
     def nominal_torque(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Torques (n, k) at the axes with the nominal masses."""

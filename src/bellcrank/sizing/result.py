@@ -15,6 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.joint_sizing import JointSizing, Peak
+from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
 from bellcrank.sizing.structure_loads import StructureLoad
 
@@ -62,6 +63,10 @@ class Sizing(Portable):
         motors: The sizing of each motor of a coupled transmission that has an actuator.
         structure: The largest force and moment in each constraint and joint without a motor of a closed linkage, such
             as those at the ends of rods.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine: another
+            sampling changes them by more than 2 %, and the verdict is not known.
+        system: The criteria of all axes together, supply power and regenerated energy; none unless every motor is given
+            by an actuator, and a limit of theirs or the motors' own figures are stated.
 
     Example:
         >>> import bellcrank as bc
@@ -87,10 +92,14 @@ class Sizing(Portable):
     allowed_massless: tuple[str, ...] = ()
     motors: tuple[MotorSizing, ...] = ()
     structure: tuple[StructureLoad, ...] = ()
+    undetermined: tuple[str, ...] = ()
+    system: tuple[CriterionResult, ...] = ()
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"
         verdict = f"{len(self.exceeded)} limits exceeded" if self.exceeded else inside
+        if self.undetermined and not self.exceeded:
+            verdict = "not known"
         if self.unsizable:
             verdict = f"{len(self.unsizable)} joints cannot be sized, {verdict}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {verdict})"
@@ -273,9 +282,10 @@ class Sizing(Portable):
     @property
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is exceeded."""
-        return tuple(text for joint in self.joints for text in joint.exceeded) + tuple(
-            text for motor in self.motors for text in motor.exceeded
-        )
+        found = [text for joint in self.joints for text in joint.exceeded]
+        found += [text for motor in self.motors for text in motor.exceeded]
+        found += [f"all axes together: {one.name}: {one.text}" for one in self.system if one.verdict == "exceeded"]
+        return tuple(found)
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -285,9 +295,25 @@ class Sizing(Portable):
         )
 
     @property
+    def not_verified(self) -> tuple[str, ...]:
+        """A sentence for each actuator of which a main criterion is unknown: it may be far too weak or too slow."""
+        return tuple(
+            f"{name}: {', '.join(one.name for one in shaft.judged.main_unknown)} unknown"
+            for name, shaft in self.shafts
+            if shaft.judged.main_unknown
+        )
+
+    @property
     def inside(self) -> bool:
-        """Whether every joint can be sized and every given limit is kept, as far as limits are known (`unknown`)."""
-        return not self.exceeded and not self.unsizable
+        """Whether every joint can be sized, its peaks are determined, and every given limit is kept, as far as limits
+        are known (`unknown`).
+        """
+        return not self.exceeded and not self.unsizable and not self.undetermined
+
+    @property
+    def verified(self) -> bool:
+        """Whether every limit is kept, and no main criterion of an actuator is unknown."""
+        return self.inside and not self.not_verified
 
 
 def sizing_inputs(sizing: Sizing) -> SizingInputs:

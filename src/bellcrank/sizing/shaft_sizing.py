@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.sizing.margins import LEAST_MARGIN
+from bellcrank.sizing.drive_verdicts import DriveVerdict
 
 
 @dataclass(frozen=True)
@@ -41,15 +40,13 @@ class ShaftSizing:
             curve that is partly unknown, of the part that is known; None where nothing is.
         inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia, or
             an unknown one.
-        margins: Share left of "peak torque", "rated torque", "speed" and "torque-speed curve", torques with the safety
-            factor; negative where exceeded, None where a figure that it needs is unknown.
-        unknown: What is missing for each margin that is None.
+        judged: What every criterion says of the motor and gear, along the cycles of its axis.
 
     Example:
         >>> import bellcrank as bc
         >>> shaft = bc.size("geared_pendulum").joint("shoulder").shaft
         >>> shaft.verdict
-        'inside (rated torque +40.8%)'
+        'inside (continuous torque +40.8%)'
     """
 
     actuator: Actuator
@@ -58,8 +55,19 @@ class ShaftSizing:
     peak_speed: Peak
     curve_use: Peak | None
     inertia_ratio: float | None
-    margins: Mapping[str, float | None]
-    unknown: Mapping[str, str] = field(default_factory=dict)
+    judged: DriveVerdict
+
+    @property
+    def margins(self) -> dict[str, float | None]:
+        """The share of its limit that is left, of each criterion that is judged: 1 - use; negative where exceeded, None
+        where a figure that it needs is unknown.
+        """
+        return self.judged.margins
+
+    @property
+    def unknown(self) -> dict[str, str]:
+        """What is missing for each margin that is None."""
+        return {one.name: one.text for one in self.judged.unknown}
 
     @property
     def known_margins(self) -> dict[str, float]:
@@ -80,34 +88,34 @@ class ShaftSizing:
     @property
     def inside(self) -> bool:
         """Whether no limit of the actuator is exceeded, as far as its limits are known (`unknown`)."""
-        return self.tightest_margin is None or self.tightest_margin >= LEAST_MARGIN
+        return not self.judged.exceeded
 
     @property
     def state(self) -> str:
-        """ "inside", "exceeded", or "inside as far as known" where a margin is unknown."""
-        return "exceeded" if not self.inside else "inside as far as known" if self.unknown else "inside"
+        """ "inside", "exceeded", "inside as far as known" where a criterion is unknown, or "not verified" where without
+        it the motor may be far too weak or too slow.
+        """
+        if not self.inside:
+            return "exceeded"
+        return "not verified" if self.judged.main_unknown else "inside as far as known" if self.unknown else "inside"
 
     @property
     def verdict(self) -> str:
         """The state, with the smallest margin and the names of the unknown ones."""
         notes = [] if self.tightest is None else [f"{self.tightest} {self.tightest_margin:+.1%}"]
-        notes += [f"unknown: {', '.join(self.unknown)}"] if self.unknown else []
+        notes += [f"{len(self.unknown)} unknown"] if self.unknown else []
         return f"{self.state} ({'; '.join(notes)})"
 
     def exceeded_limits(self, what: str) -> tuple[str, ...]:
         """A sentence for each limit of the actuator of a joint or motor, such as "joint 'elbow'", that is not kept."""
         return tuple(
-            f"{what}: the actuator's {name} limit is exceeded by {-margin:.1%}"
-            for name, margin in self.known_margins.items()
-            if margin < LEAST_MARGIN
+            f"{what}: {one.name} is exceeded by {(one.use or 0.0) - 1.0:.1%}: {one.text}"
+            for one in self.judged.exceeded
         )
 
     def unknown_limits(self, what: str) -> tuple[str, ...]:
         """A sentence for each limit of the actuator of a joint or motor that could not be compared."""
-        return tuple(
-            f"{what}: the actuator's {name} margin is unknown; not stated: {missing}"
-            for name, missing in self.unknown.items()
-        )
+        return tuple(f"{what}: {name} is unknown: {text}" for name, text in self.unknown.items())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -67,15 +67,23 @@ def size(
         >>> round(sizing.joint("shoulder").peak_torque, 3)
         10.791
     """
-    mass_tolerance = _mass_tolerance(mass_tolerance)
+    mass_tolerance = checked_mass_tolerance(mass_tolerance)
     links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
-    given = None if actuators is None else _actuators(actuators)
+    given = None if actuators is None else checked_actuators(actuators)
     subject = sizing_subject(robot, motions, payloads, trust, given, overrides)
     if subject.config is None:
         return size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
     config = subject.config
     sizing = size_mechanism(
-        subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links, config.transmissions
+        subject.mechanism,
+        subject.motions,
+        subject.actuators,
+        mass_tolerance,
+        links,
+        config.transmissions,
+        duty=config.duty or None if motions is None else None,
+        mounts=config.mounts,
+        conditions=config.conditions,
     )
     warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
     return replace(sizing, robot=config.name, warnings=warnings)
@@ -90,7 +98,7 @@ def _transmission_notes(config: RobotConfig) -> list[str]:
     ]
 
 
-def _mass_tolerance(value: object) -> float:
+def checked_mass_tolerance(value: object) -> float:
     """A mass tolerance, a share of at least 0 and below 1; InputError."""
     share = arguments.number("mass_tolerance", value, least=0.0)
     if share >= 1.0:
@@ -98,7 +106,7 @@ def _mass_tolerance(value: object) -> float:
     return share
 
 
-def _actuators(given: object) -> dict[str, Actuator]:
+def checked_actuators(given: object) -> dict[str, Actuator]:
     """Actuators by the names of joints, none where they are None; InputError."""
     if given is None:
         return {}

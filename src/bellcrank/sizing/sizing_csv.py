@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from bellcrank.files import csv_files
@@ -15,15 +16,16 @@ from bellcrank.sizing.structure_loads import StructureLoad
 def csv_text(sizing: Sizing) -> str:
     """The text of sizing.csv: one line a joint with a motor, then one a motor of a coupled transmission, then one a
     constraint and joint without a motor of a closed linkage; units in the header, empty where there is no limit, no
-    actuator or no such load.
+    actuator or no such load. Each criterion that is judged of any motor has a column.
     """
-    rows = [_csv_row(joint) for joint in sizing.joints]
-    rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor) for motor in sizing.motors]
+    criteria = tuple(dict.fromkeys(name for _, shaft in sizing.shafts for name in shaft.margins))
+    rows = [_csv_row(joint, criteria) for joint in sizing.joints]
+    rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor, criteria) for motor in sizing.motors]
     rows += [dict.fromkeys(rows[0], "") | _csv_load_row(load) for load in sizing.structure]
     return csv_files.csv_text([rows[0], *(row.values() for row in rows)])
 
 
-def _csv_row(joint: JointSizing) -> dict[str, Any]:
+def _csv_row(joint: JointSizing, criteria: Iterable[str]) -> dict[str, Any]:
     """The cells of a joint's line by column; empty where there is no value."""
     peak = joint.peaks["peak_torque"]
     row: dict[str, Any] = {
@@ -54,10 +56,10 @@ def _csv_row(joint: JointSizing) -> dict[str, Any]:
         "velocity margin [1]": joint.velocity_margin,
         "position margin [rad or m]": joint.position_margin,
     }
-    return _csv_cells(row | {"kind": f"{joint.kind} joint with a motor"} | _csv_shaft(joint.shaft))
+    return _csv_cells(row | {"kind": f"{joint.kind} joint with a motor"} | _csv_shaft(joint.shaft, criteria))
 
 
-def _csv_motor_row(motor: MotorSizing) -> dict[str, Any]:
+def _csv_motor_row(motor: MotorSizing, criteria: Iterable[str]) -> dict[str, Any]:
     """The cells of a line of a motor of a coupled transmission: what is known at its axis, and its shaft."""
     row = {
         "joint": motor.name,
@@ -69,7 +71,7 @@ def _csv_motor_row(motor: MotorSizing) -> dict[str, Any]:
         "peak torque at [s]": motor.peak_torque.time,
         "peak torque in motion": motor.peak_torque.motion,
     }
-    return _csv_cells(row | {"kind": "motor of a coupled transmission"} | _csv_shaft(motor.shaft))
+    return _csv_cells(row | {"kind": "motor of a coupled transmission"} | _csv_shaft(motor.shaft, criteria))
 
 
 def _csv_load_row(load: StructureLoad) -> dict[str, Any]:
@@ -83,7 +85,7 @@ def _csv_load_row(load: StructureLoad) -> dict[str, Any]:
     return _csv_cells(row)
 
 
-def _csv_shaft(shaft: ShaftSizing | None) -> dict[str, Any]:
+def _csv_shaft(shaft: ShaftSizing | None, criteria: Iterable[str]) -> dict[str, Any]:
     """The columns of a motor's shaft."""
     row = {
         "shaft peak torque [N m]": shaft and shaft.peak_torque and shaft.peak_torque.value,
@@ -91,9 +93,10 @@ def _csv_shaft(shaft: ShaftSizing | None) -> dict[str, Any]:
         "shaft peak speed [rad/s]": shaft and shaft.peak_speed.value,
         "load to rotor inertia [1]": shaft and shaft.inertia_ratio,
     }
-    for name in ("peak torque", "rated torque", "speed", "torque-speed curve"):
-        row[f"shaft {name} margin [1]"] = shaft and shaft.margins[name]
-    return row | {"shaft verdict": shaft and shaft.state}
+    for name in criteria:
+        row[f"{name} margin [1]"] = shaft and shaft.margins.get(name)
+    tightest = {"tightest margin [1]": shaft and shaft.tightest_margin, "tightest criterion": shaft and shaft.tightest}
+    return row | tightest | {"shaft verdict": shaft and shaft.state}
 
 
 def _csv_cells(row: dict[str, Any]) -> dict[str, Any]:

@@ -153,6 +153,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "exceeded": list(sizing.exceeded),
         **({"unknown": list(sizing.unknown)} if sizing.unknown else {}),
         "cannot_be_sized": list(sizing.unsizable),
+        **({"undetermined": list(sizing.undetermined)} if sizing.undetermined else {}),
         "urdf_errors": list(sizing.urdf_errors),
         "joints_allowed_without_mass": list(sizing.allowed_massless),
         "warnings": list(sizing.warnings),
@@ -238,12 +239,13 @@ def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
         "peak_speed": _peak(shaft.peak_speed),
         "curve_use": _peak(shaft.curve_use),
         "inertia_ratio": shaft.inertia_ratio,
-        "margins": dict(shaft.margins),
+        "margins": shaft.margins,
+        "criteria": [one.as_dict() for one in shaft.judged.criteria],
         "tightest": shaft.tightest,
         "inside": shaft.inside,
         "verdict": shaft.verdict,
     }
-    return document | ({"unknown": dict(shaft.unknown)} if shaft.unknown else {})
+    return document | ({"unknown": shaft.unknown} if shaft.unknown else {})
 
 
 def _actuator_document(actuator: Actuator) -> dict[str, Any]:

@@ -43,7 +43,10 @@ class SizingSubject(NamedTuple):
         config = self.config
         if config is None:
             return ()
-        duty = "the duty program of the configuration is not used: each motion is a cycle; `bellcrank select` uses it"
+        duty = (
+            "loads are those of each motion as a cycle; the motors and gears are judged along the duty program of the "
+            "configuration"
+        )
         return (*config.notes, *override_notes(config), *([duty] if config.duty else []))
 
 

@@ -68,10 +68,17 @@ def verdict(sizing: Sizing) -> str:
     if sizing.exceeded:
         count = len(sizing.exceeded)
         lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
+    if sizing.not_verified:
+        motors = "1 motor" if len(sizing.not_verified) == 1 else f"{len(sizing.not_verified)} motors"
+        lines.append(f"Not verified: {motors} may be far too weak or too slow")
+        lines += [f"  - {text}" for text in sizing.not_verified]
+    if sizing.undetermined:
+        lines.append("Not known: peaks that the rows of a motion do not determine")
+        lines += [f"  - {text}" for text in sizing.undetermined]
     if sizing.inside:
         lines.append(_kept(sizing))
     if sizing.unknown:
-        lines += ["Not compared:", *(f"  - {text}" for text in sizing.unknown)]
+        lines += ["Unknown, because what they need is not stated:", *(f"  - {text}" for text in sizing.unknown)]
     if sizing.urdf_errors:
         lines.append("The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:")
         lines += [f"  - {text}" for text in sizing.urdf_errors]
@@ -237,9 +244,8 @@ def shaft_rows(sizing: Sizing) -> TableContent:
         "peak speed\n[rpm]",
         "load/rotor\ninertia",
         "peak\nmargin",
-        "rated\nmargin",
+        "continuous\nmargin",
         "speed\nmargin",
-        "curve\nmargin",
         "verdict",
     ]
     rows = []
@@ -251,11 +257,19 @@ def shaft_rows(sizing: Sizing) -> TableContent:
                 UNKNOWN if shaft.rms_torque is None else _figures(shaft.rms_torque)[0],
                 *_figures(shaft.peak_speed.value, shaft.peak_speed.value * 30.0 / math.pi),
                 _inertia_ratio(shaft),
-                *(UNKNOWN if margin is None else _percent(margin) for margin in shaft.margins.values()),
+                *(_margin_of(shaft, name) for name in ("peak torque", "continuous torque", "motor speed")),
                 shaft.verdict,
             ]
         )
     return TableContent(header, rows)
+
+
+def _margin_of(shaft: ShaftSizing, criterion: str) -> str:
+    """The margin of a criterion, which may be unknown, or left to the peak current."""
+    if criterion not in shaft.margins:
+        return "-"
+    margin = shaft.margins[criterion]
+    return UNKNOWN if margin is None else _percent(margin)
 
 
 def _inertia_ratio(shaft: ShaftSizing) -> str:

@@ -193,6 +193,10 @@ class SharedSizing(Portable):
             return f"'{others[0]}' is no parameter of the equations, rating of an actuator or duration"
         if self.scene.config.transmissions:
             return "the robot has coupled transmissions"
+        if self.scene.config.duty:
+            return "its motors are judged along a duty program"
+        if not all(self.actuators.of_ratings):
+            return "a motor and gear of a catalogue are judged by all of their criteria"
         stretched = any(change.kind == "duration" for change in self.changes)
         if stretched and (coulomb_widths(self.mechanism) or self._timed):
             return "Coulomb friction, or what depends on time, does not scale with the duration of a motion"

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator_designs import ActuatorDesigns
 from bellcrank.sizing.design_peaks import DesignInputs, DesignPeaks
-from bellcrank.sizing.margin_arrays import margin_arrays
 from bellcrank.sizing.motion_states import MotionStates, OwnStates, SharedStates
 from bellcrank.studies.scene_designs import SceneDesigns
 from bellcrank.studies.shared_sizing import SharedSizing
-from bellcrank.studies.sizing_measures import MARGINS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -142,12 +140,16 @@ class SizingBatch:
             if self.actuators.actuators[place].has_limits:
                 curve = np.stack([peaks.curve_use[:, at] for peaks in each], axis=1)
         speed = ratio * self._peak_speed(k)
-        pairs = zip(shared.speeds, self.stretches, strict=True)
-        mean = np.stack([ratio * speeds["mean"][k] / stretch for speeds, stretch in pairs], axis=1)
-        peaks = {"torque": torque.max(axis=1), "speed": speed, "curve": curve.max(axis=1)}
-        margins = margin_arrays(self.actuators, place, peaks, rms, mean)
-        found = {"motor_torque": peaks["torque"], "motor_rms_torque": rms.max(axis=1), "motor_speed": speed}
-        found |= {MARGINS[criterion][0]: margin for criterion, margin in margins.items()}
+        rating = {name: values[:, place] for name, values in self.actuators.ratings.items()}
+        peak, effective, factor = torque.max(axis=1), rms.max(axis=1), rating["safety_factor"]
+        margins = {  # what the criteria of these names (sizing/selection) say of ratings
+            "peak_torque_margin": 1.0 - factor * peak / rating["peak_torque"],
+            "continuous_torque_margin": 1.0 - factor * effective / rating["rated_torque"],
+            "speed_margin": 1.0 - speed / rating["max_speed"],
+            "curve_margin": 1.0 - curve.max(axis=1),
+        }
+        found = {"motor_torque": peak, "motor_rms_torque": effective, "motor_speed": speed} | margins
+        found["drive_margin"] = np.min(list(margins.values()), axis=0)
         return {f"{shared.loads.joint_names[k]}.{measure}": column for measure, column in found.items()}
 
 

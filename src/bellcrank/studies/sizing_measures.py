@@ -3,8 +3,10 @@
 Of a joint NAME: NAME.peak_torque, .rms_torque, .peak_speed, .peak_power, .holding_torque; NAME.effort_margin and
 .velocity_margin where the URDF has these limits, and .position_margin (rad or m). With an actuator, at its shaft:
 NAME.motor_torque (the peak), .motor_rms_torque, .motor_speed (the peak), and the margins .peak_torque_margin,
-.rated_torque_margin, .speed_margin and .curve_margin. NAME.margin is the smallest known margin of the joint, `margin`
-that of all; position margins, which are no shares, are not among them. A margin that is unknown is NaN.
+.continuous_torque_margin, .speed_margin and .curve_margin (of the torque-speed curve, the voltage and the peak
+current); .drive_margin is the smallest of all criteria of the motor and gear. NAME.margin is the smallest known margin
+of the joint, `margin` that of all; position margins, which are no shares, are not among them. A margin that is unknown
+is NaN.
 """
 
 from __future__ import annotations
@@ -17,21 +19,24 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.sizing.drive_verdicts import kept, smallest
 from bellcrank.sizing.joint_sizing import OVERSHOOT, JointSizing
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.selection.criteria import TOLERANCE
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
 from bellcrank.studies.columns import Columns
 
 Array = NDArray[np.float64]
 PASS, FAIL, UNKNOWN, INFEASIBLE = STATUSES = ("pass", "fail", "unknown", "infeasible")
-MARGINS = {  # of a shaft: the name in ShaftSizing.margins, that of the measure, and words
-    "peak torque": ("peak_torque_margin", "the actuator's peak torque"),
-    "rated torque": ("rated_torque_margin", "the actuator's rated torque"),
-    "speed": ("speed_margin", "the actuator's speed"),
-    "torque-speed curve": ("curve_margin", "the actuator's torque-speed curve"),
+MARGINS = {  # of a shaft: the measure, words, and the criteria of which it is the smallest margin; none: of all
+    "peak_torque_margin": ("the actuator's peak torque", ("peak torque",)),
+    "continuous_torque_margin": ("the actuator's continuous torque", ("continuous torque",)),
+    "speed_margin": ("the actuator's speed", ("motor speed",)),
+    "curve_margin": ("the actuator's torque-speed curve", ("peak curve", "voltage limit", "peak current")),
+    "drive_margin": ("a limit of the motor or gear", ()),
 }
 URDF_MARGINS = {"effort_margin": "the URDF's effort limit", "velocity_margin": "the URDF's velocity limit"}
-WORDS = dict(MARGINS.values()) | URDF_MARGINS
+WORDS = {name: words for name, (words, _) in MARGINS.items()} | URDF_MARGINS
 POSITION_SLACK = 1e-9  # rad or m, as in JointSizing
 
 
@@ -71,7 +76,7 @@ class Judged:
         measures["margin"] = _smallest([every[:, k] for k in range(len(listed))], count)
         outside = {joint: measures[f"{joint}.position_margin"] < -slack for joint, slack in self.position_slack.items()}
         left = reduce(np.logical_or, outside.values(), np.zeros(count, dtype=bool))
-        negative, unknown = every < 0.0, np.isnan(every)
+        negative, unknown = every < -TOLERANCE, np.isnan(every)
         status = np.where(unknown.any(axis=1) | (not listed and not outside), STATUSES.index(UNKNOWN), 0)
         status[list(unsizable)] = STATUSES.index(UNKNOWN)
         status[negative.any(axis=1) | left] = STATUSES.index(FAIL)
@@ -89,7 +94,7 @@ class Judged:
 
     def _failure(self, margins: Array, names: list[str], outside: list[str]) -> str:
         """A sentence about the limit that is exceeded most, and how many others are."""
-        exceeded = int(np.count_nonzero(margins < 0.0))
+        exceeded = int(np.count_nonzero(margins < -TOLERANCE))
         if not exceeded:
             return f"joint '{outside[0]}' leaves its position range"
         joint, _, name = names[int(np.nanargmin(margins))].rpartition(".")
@@ -155,7 +160,7 @@ def _shaft_units(shaft: ShaftSizing | None) -> dict[str, str]:
     if shaft is None:
         return {}
     own = {"motor_torque": "N m", "motor_rms_torque": "N m", "motor_speed": "rad/s"}
-    return own | {name: "1" for name, _ in MARGINS.values()}
+    return own | dict.fromkeys(MARGINS, "1")
 
 
 def _shaft_measures(one: JointSizing | MotorSizing) -> dict[str, float | None]:
@@ -168,8 +173,16 @@ def _shaft_measures(one: JointSizing | MotorSizing) -> dict[str, float | None]:
         "motor_rms_torque": shaft.rms_torque,
         "motor_speed": shaft.peak_speed.value,
     }
-    found |= {MARGINS[name][0]: margin for name, margin in shaft.margins.items()}
+    margins = shaft.margins
+    for measure, (_, names) in MARGINS.items():
+        found[measure] = _smallest_of([margin for name, margin in margins.items() if name in names or not names])
     return {f"{one.name}.{name}": value for name, value in found.items()}
+
+
+def _smallest_of(margins: list[float | None]) -> float | None:
+    """The smallest margin; None where there is none, or an unknown one decides."""
+    least = smallest(margins)
+    return least if least is not None and (None not in margins or not kept(least)) else None
 
 
 def _stacked(columns: list[Array], count: int) -> Array:

@@ -205,7 +205,16 @@ class SizingRunner(Portable):
         """The sizing with changed values, and motions that take other durations, s."""
         scene = self._scene(overrides)
         mechanism, motions, actuators = self._inputs(scene, durations)
-        return size_mechanism(mechanism, motions, actuators, transmissions=scene.config.transmissions)
+        config = scene.config
+        return size_mechanism(
+            mechanism,
+            motions,
+            actuators,
+            transmissions=config.transmissions,
+            duty=config.duty or None,
+            mounts=config.mounts,
+            conditions=config.conditions,
+        )
 
     def _scene(self, overrides: Mapping[str, Any]) -> Scene:
         return self.scene.with_overrides(overrides) if overrides else self.scene

@@ -18,7 +18,17 @@ class LimitsAtPlace : private QuantitiesAtPlace {
 
   double fastest() const { return limits_.fastest[place_]; }
 
-  Bounds bounds(double y) const {
+  // The bounds of u, which lie in no hole. With `narrowed` the range is the one of speeds at which the same u are left
+  // out by the same limits.
+  Bounds bounds(double y, bool narrowed = false) const {
+    Holes holes;
+    Bounds found = bounds_with_holes(y, holes, narrowed);
+    leave_holes(found, holes, y, narrowed);
+    return found;
+  }
+
+  // The bounds, and the u between them, or beyond them, that are not allowed.
+  Bounds bounds_with_holes(double y, Holes& holes, bool narrowed) const {
     Bounds found;
     const double* a = slopes();
     Values value;
@@ -31,18 +41,22 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       }
       const Parabola limit = limit_at(row, y, found);
       const double turned = turning(row);
-      if (row.back < 0 || turned == 0.0 || (y <= limits_.creep && row.sense * turned < 0.0)) {
+      if (row.back < 0 || turned == 0.0) {
         add(found, bound(row, row.drive, a, value, limit, y, r));
       } else if (row.sense * turned > 0.0) {
         add(found, bound(row, row.drive, a, value, limit, y, r));
         add(found, bound(row, row.back, a, value, limit, y, r));
       } else {
-        add_looser(found, bound(row, row.drive, a, value, limit, y, r), bound(row, row.back, a, value, limit, y, r));
+        add_looser(found, holes, bound(row, row.drive, a, value, limit, y, r), bound(row, row.back, a, value, limit, y, r),
+                   y, narrowed);
       }
     }
     for (std::size_t k = 0; k < limits_.norms; ++k) add_norm(found, k, y);
     return found;
   }
+
+  // Whether there may be holes at some speed.
+  bool may_split() const { return limits_.may_split(); }
 
   // The worst share by which u exceeds a limit at a speed y; 0: at a limit, negative: within all.
   double excess(double y, double u) const {
@@ -57,7 +71,7 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       const double turned = turning(row);
       double own = over(row.drive);
       if (row.back >= 0 && row.sense * turned > 0.0) own = std::max(own, over(row.back));
-      if (row.back >= 0 && row.sense * turned < 0.0 && y > limits_.creep) own = std::min(own, over(row.back));
+      if (row.back >= 0 && row.sense * turned < 0.0) own = std::min(own, over(row.back));
       worst = std::max(worst, own / row.limit);
     }
     for (std::size_t k = 0; k < limits_.norms; ++k) {
@@ -93,7 +107,7 @@ class LimitsAtPlace : private QuantitiesAtPlace {
       if (row.back < 0 || turned == 0.0) continue;
       if (row.sense * turned > 0.0) {
         write(second, row.back);
-      } else if (y > limits_.creep) {
+      } else {
         write(second, row.back);
         const std::size_t looser = share[second] < share[first] ? second : first;
         share[first] = share[looser], by_u[first] = by_u[looser], by_y[first] = by_y[looser];

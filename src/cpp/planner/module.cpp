@@ -4,6 +4,7 @@
 #include <nanobind/stl/pair.h>
 
 #include "../integrator/new_array.hpp"
+#include "lower_bound.hpp"
 #include "refined_pass.hpp"
 
 namespace nb = nanobind;
@@ -27,12 +28,11 @@ struct LimitArrays {
   PathLimits limits;
 
   LimitArrays(In<2> a, In<2> b, In<2> d, In<2> c, In<3> w, In<2> rate, In<2> motor_rate, In<1> fastest, In<1> width,
-              In<1> negligible, In<2> along, In<2> bend, In<2> across, In<1> norm, double creep, nb::list rows,
+              In<1> negligible, In<2> along, In<2> bend, In<2> across, In<1> norm, nb::list rows,
               nb::list curves)
       : a(a), b(b), d(d), c(c), w(w), rate(rate), motor_rate(motor_rate), fastest(fastest), width(width),
         negligible(negligible), along(along), bend(bend), across(across), norm(norm) {
     PathLimits& l = limits;
-    l.creep = creep;
     l.places = a.shape(0), l.quantities = a.shape(1), l.joints = rate.shape(1), l.motors = motor_rate.shape(1);
     const auto same = [&](const auto& array) { return array.shape(0) == l.places; };
     if (!(same(b) && same(d) && same(c) && same(w) && same(rate) && same(motor_rate) && same(fastest)) ||
@@ -90,7 +90,6 @@ nb::dict answer(const Fastest& f) {
   d["active"] = column<std::int32_t>(f.active);
   d["kind"] = column<std::int32_t>(f.kind);
   d["error"] = column<double>(f.error);
-  d["gap"] = column<std::uint8_t>(f.gap);
   d["failed"] = f.failed;
   d["failed_at_start"] = f.failed_at_start;
   d["cause"] = f.cause;
@@ -120,6 +119,21 @@ nb::dict refined(const LimitArrays& given, In<1> r, In<1> s, In<1> ds, Narrow na
             .run(begin, end);
   }
   return answer(f);
+}
+
+// A lower bound of the time, from and to rest, and the time by about which each cell loosens it;
+// ds = ds/dr at places of which those of a cell, four and the begin of the next one, are at equal distances of r.
+nb::tuple lower_bound(const LimitArrays& given, In<1> r, In<1> ds) {
+  const std::size_t places = given.limits.places;
+  if (places < 5 || places % LowerBound::parts != 1 || r.shape(0) != places || ds.shape(0) != places)
+    throw nb::value_error("the places do not fit the limits");
+  LowerBound bound(given.limits, r.data(), ds.data(), places / LowerBound::parts);
+  double time = 0;
+  {
+    nb::gil_scoped_release release;
+    time = bound.time(0.0, 0.0);
+  }
+  return nb::make_tuple(time, column<double>(bound.looseness()));
 }
 
 // The bounds (least, most) of the path acceleration at a place and a speed, and the rows that give them.
@@ -191,13 +205,14 @@ nb::tuple largest_factor(const LimitArrays& given, double to) {
 NB_MODULE(_planner, m) {
   nb::class_<LimitArrays>(m, "LimitArrays")
       .def(nb::init<In<2>, In<2>, In<2>, In<2>, In<3>, In<2>, In<2>, In<1>, In<1>, In<1>, In<2>, In<2>, In<2>, In<1>,
-                    double, nb::list, nb::list>(),
+                    nb::list, nb::list>(),
            nb::arg("a"), nb::arg("b"), nb::arg("d"), nb::arg("c"), nb::arg("w"), nb::arg("rate"), nb::arg("motor_rate"),
            nb::arg("fastest"), nb::arg("width"), nb::arg("negligible"), nb::arg("along"), nb::arg("bend"),
-           nb::arg("across"), nb::arg("norm"), nb::arg("creep"), nb::arg("rows"), nb::arg("curves"));
+           nb::arg("across"), nb::arg("norm"), nb::arg("rows"), nb::arg("curves"));
   m.def("fastest_on_grid", &on_grid, nb::arg("limits"), nb::arg("s"), nb::arg("begin"), nb::arg("end"));
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
         nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));
+  m.def("lower_bound", &lower_bound, nb::arg("limits"), nb::arg("r"), nb::arg("ds"));
   m.def("excess", &excess, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("linearised", &linearised, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("largest_factor", &largest_factor, nb::arg("limits"), nb::arg("to"));

@@ -16,6 +16,7 @@
 // which bounds u by -bend x ± √(limit² - across² x²) / |A|, and x by limit / across.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -45,9 +46,13 @@ struct PathLimits {
   const double *a = nullptr, *b = nullptr, *d = nullptr, *c = nullptr, *w = nullptr, *rate = nullptr;
   const double *motor_rate = nullptr, *fastest = nullptr, *width = nullptr, *negligible = nullptr;
   const double *along = nullptr, *bend = nullptr, *across = nullptr, *norm = nullptr;  // norm: limits (norms)
-  double creep = 0;  // up to this y the load counts as taking power, as it does at standstill
   std::vector<LimitRow> rows;
   std::vector<Curve> curves;
+
+  // Whether a row has two quantities, so that limits may leave out u between others that they allow.
+  bool may_split() const {
+    return std::any_of(rows.begin(), rows.end(), [](const LimitRow& row) { return row.back >= 0; });
+  }
 };
 
 constexpr std::size_t most_quantities = 512;

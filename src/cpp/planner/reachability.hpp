@@ -21,9 +21,13 @@ struct Controllable {
 // What a place is reached by; numbers >= 0 are rows of the limits.
 enum Active : int { none = -1, speed_limit = -2, next_place = -3 };
 
-// The next place, as bounds of u: slowest² <= y² + 2 step u <= fastest².
+// Speeds y between others that are no places to be at: from there the end is not reached.
+using Gaps = std::vector<std::pair<double, double>>;
+
+// The next place, as bounds of u: slowest² <= y² + 2 step u <= fastest², and not within its gaps.
 struct Goal {
   double slowest = 0, fastest = unlimited, step = 0;
+  const Gaps* gaps = nullptr;
 };
 
 inline Bounds with_goal(Bounds found, double y, const Goal& goal) {
@@ -36,7 +40,22 @@ inline Bounds with_goal(Bounds found, double y, const Goal& goal) {
   return found;
 }
 
-constexpr double rounding = 1e-12;
+// The bounds of the u that keep the limits and reach the goal; see `LimitsAtPlace::bounds`.
+inline Bounds reaching(const LimitsAtPlace& place, double y, const Goal& goal, bool narrowed = false) {
+  Holes holes;
+  const Bounds of_limits = place.bounds_with_holes(y, holes, narrowed);
+  Bounds found = with_goal(of_limits, y, goal);
+  if (goal.gaps != nullptr && goal.step > 0) {
+    const double half = 0.5 / goal.step;
+    for (const auto& [from, to] : *goal.gaps) {
+      const double low = from * from, high = to * to;
+      holes.add({(low - y * y) * half, (high - y * y) * half, {-half, 0, low * half}, {-half, 0, high * half}, next_place,
+                 -1, -1});
+    }
+  }
+  leave_holes(found, holes, y, narrowed);
+  return found;
+}
 
 inline bool allowed(const Bounds& b) {
   return b.gap() >= -rounding * (std::abs(b.most.value) + std::abs(b.least.value)) &&
@@ -76,8 +95,9 @@ inline double nearest_allowed(const LimitsAtPlace& place, const Goal& goal, doub
   const bool down = to < from;
   double y = from;
   for (int turn = 0; turn < 500; ++turn) {
-    const Bounds b = with_goal(place.bounds(y), y, goal);
+    Bounds b = reaching(place, y, goal);
     if (allowed(b)) return y;
+    if (place.may_split() || goal.gaps != nullptr) b = reaching(place, y, goal, true);
     const bool by_speed = b.speed.row >= 0 && b.speed.value < 0;
     cause = by_speed ? std::make_pair(b.speed.row, b.speed.row) : std::make_pair(b.most.row, b.least.row);
     if (y == to) return std::nan("");
@@ -105,7 +125,8 @@ inline double largest_allowed(const LimitsAtPlace& place, const Goal& goal, std:
 inline double largest_allowed(const LimitsAtPlace& place, const Goal& goal, double guess, std::pair<int, int>& cause) {
   const double from = place.fastest();
   if (!(guess > 0 && guess < from)) return largest_allowed(place, goal, cause);
-  const Bounds b = with_goal(place.bounds(guess), guess, goal);
+  Bounds b = reaching(place, guess, goal);
+  if (place.may_split() && !allowed(b)) b = reaching(place, guess, goal, true);
   const Parabola &p = b.most.shape, &q = b.least.shape;
   const bool settled = !allowed(b) && b.gap() < 0 && b.high >= from &&
                        std::isnan(crossing({p.p2 - q.p2, p.p1 - q.p1, p.p0 - q.p0}, guess, guess, from));
@@ -124,66 +145,148 @@ struct Fastest {
   int failed = -1;                                 // the place without a controllable speed, -1: none
   bool failed_at_start = false;
   std::pair<int, int> cause{none, none};
-  std::vector<unsigned char> gap;                  // (n): optimality is not proved here
 };
 
-// First order: u is constant over each cell and the limits are kept at its beginning, as in the reference.
-inline Fastest fastest_on_grid(const PathLimits& limits, const double* s, std::size_t n, double begin, double end) {
-  Fastest f;
-  f.y.assign(n, 0), f.slowest.assign(n, 0), f.fastest.assign(n, 0), f.gap.assign(n, 0);
-  f.u_begin.assign(n - 1, 0), f.u_end.assign(n - 1, 0), f.active.assign(n - 1, none), f.kind.assign(n - 1, 0);
-  f.error.assign(n - 1, 0);
-  f.slowest[n - 1] = f.fastest[n - 1] = end;
-  for (std::size_t i = n - 1; i-- > 0;) {
-    const LimitsAtPlace place(limits, i);
-    const Goal goal{f.slowest[i + 1], f.fastest[i + 1], s[i + 1] - s[i]};
-    double top = largest_allowed(place, goal, 1.05 * goal.fastest, f.cause);
-    if (goal.step == 0 && !std::isnan(top)) top = std::min(top, goal.fastest);
-    if (std::isnan(top)) return f.failed = static_cast<int>(i), f;
-    std::pair<int, int> ignored;
-    f.fastest[i] = top;
-    f.slowest[i] = nearest_allowed(place, goal, 0.0, top, ignored);
-  }
-  if (begin > f.fastest[0] * (1 + rounding) || begin < f.slowest[0] * (1 - rounding)) {
-    f.failed = 0, f.failed_at_start = true;
-    return f;
-  }
-  f.y[0] = std::min(begin, f.fastest[0]);
-  Bounds ahead = LimitsAtPlace(limits, 0).bounds(f.y[0]);  // at place i and f.y[i]
-  for (std::size_t i = 0; i + 1 < n; ++i) {
-    const double step = s[i + 1] - s[i];
-    if (step == 0) {
-      f.y[i + 1] = std::min(f.y[i], f.fastest[i + 1]);
-      ahead = LimitsAtPlace(limits, i + 1).bounds(f.y[i + 1]);
-      continue;
+// First order: u is constant over each cell and the limits are kept at its beginning, as in the reference. Gaps among
+// the controllable speeds, which holes and friction leave, are found where the motion comes to them: then they are
+// left out, and the step before is done anew.
+class GridPass {
+ public:
+  GridPass(const PathLimits& limits, const double* s, std::size_t n) : limits_(limits), s_(s), n_(n), gaps_(n) {}
+
+  Fastest run(double begin, double end) {
+    f_.y.assign(n_, 0), f_.slowest.assign(n_, 0), f_.fastest.assign(n_, 0);
+    f_.u_begin.assign(n_ - 1, 0), f_.u_end.assign(n_ - 1, 0), f_.active.assign(n_ - 1, none), f_.kind.assign(n_ - 1, 0);
+    f_.error.assign(n_ - 1, 0);
+    f_.slowest[n_ - 1] = f_.fastest[n_ - 1] = end;
+    for (std::size_t i = n_ - 1; i-- > 0;) {
+      const LimitsAtPlace place(limits_, i);
+      const Goal next = goal(i);
+      double top = largest_allowed(place, next, 1.05 * next.fastest, f_.cause);
+      if (next.step == 0 && !std::isnan(top)) top = std::min(top, next.fastest);
+      if (std::isnan(top)) return f_.failed = static_cast<int>(i), f_;
+      std::pair<int, int> ignored;
+      f_.fastest[i] = top;
+      f_.slowest[i] = nearest_allowed(place, next, 0.0, top, ignored);
     }
-    const LimitsAtPlace place(limits, i);
-    const Bounds own = ahead;
-    const Bounds all = with_goal(own, f.y[i], {f.slowest[i + 1], f.fastest[i + 1], step});
-    f.gap[i] = own.hole;
-    const double x = std::max(0.0, f.y[i] * f.y[i] + 2 * step * all.most.value);
-    f.y[i + 1] = std::min(std::max(std::sqrt(x), f.slowest[i + 1]), f.fastest[i + 1]);
-    if (i + 2 < n) {
-      const LimitsAtPlace next(limits, i + 1);
-      const Goal beyond{f.slowest[i + 2], f.fastest[i + 2], s[i + 2] - s[i + 1]};
-      ahead = next.bounds(f.y[i + 1]);
-      const Bounds there = with_goal(ahead, f.y[i + 1], beyond);
-      if (!allowed(there) && f.y[i + 1] < f.fastest[i + 1]) {  // a hole among the controllable speeds
-        const double lower = nearest_allowed(next, beyond, f.y[i + 1], f.slowest[i + 1], f.cause);
-        if (!std::isnan(lower)) f.y[i + 1] = lower, f.gap[i + 1] = 1, ahead = next.bounds(lower);
+    forward(begin);
+    return f_;
+  }
+
+ private:
+  Goal goal(std::size_t i) const {
+    return {f_.slowest[i + 1], f_.fastest[i + 1], s_[i + 1] - s_[i], gaps_[i + 1].empty() ? nullptr : &gaps_[i + 1]};
+  }
+
+  // The bounds at a place and a speed, which are kept for the next step.
+  const Bounds& bounds(std::size_t i, double y) {
+    if (known_ != i || known_speed_ != y) bounds_ = LimitsAtPlace(limits_, i).bounds(y), known_ = i, known_speed_ = y;
+    return bounds_;
+  }
+
+  Bounds reached_from(std::size_t i, double y) {
+    const bool whole = !splits_ && gaps_[i + 1].empty();
+    return whole ? with_goal(bounds(i, y), y, goal(i)) : reaching(LimitsAtPlace(limits_, i), y, goal(i));
+  }
+
+  bool controllable(std::size_t i, double y) {
+    return i + 1 >= n_ || s_[i + 1] == s_[i] || allowed(reached_from(i, y));
+  }
+
+  void forward(double begin) {
+    const auto outside = [&] {
+      if (begin > f_.fastest[0] * (1 + rounding) || begin < f_.slowest[0] * (1 - rounding)) return true;
+      return std::any_of(gaps_[0].begin(), gaps_[0].end(),
+                         [&](const auto& gap) { return begin > gap.first && begin < gap.second; });
+    };
+    f_.y[0] = std::min(begin, f_.fastest[0]);
+    std::size_t left = 1000 + 20 * n_;  // of steps that are done anew
+    for (std::size_t i = 0; i + 1 < n_;) {
+      if (outside()) {
+        f_.failed = 0, f_.failed_at_start = true;
+        return;
+      }
+      if (s_[i + 1] == s_[i]) {
+        f_.y[i + 1] = std::min(f_.y[i], f_.fastest[i + 1]);
+      } else {
+        step(i);
+      }
+      ++i;
+      if (i + 1 < n_ && !controllable(i, f_.y[i])) i = last_controllable(i, left);
+      if (left == 0) {
+        f_.failed = static_cast<int>(i);
+        return;
       }
     }
-    const double u = (f.y[i + 1] * f.y[i + 1] - f.y[i] * f.y[i]) / (2 * step);
-    f.u_begin[i] = f.u_end[i] = u;
-    const double near = 1e-7 * (std::abs(own.most.value) + std::abs(own.least.value));
-    f.active[i] = u >= own.most.value - near                          ? own.most.row
-                  : u <= own.least.value + near                       ? own.least.row
-                  : f.y[i] >= place.fastest() * (1 - 1e-9)            ? speed_limit
-                  : f.y[i + 1] >= limits.fastest[i + 1] * (1 - 1e-9) ? speed_limit
-                                                                      : next_place;
-    f.kind[i] = u >= own.most.value - near ? Cell::forward : u <= own.least.value + near ? Cell::backward : Cell::riding;
   }
-  return f;
+
+  // Leaves out y_i, and what leads to nothing but such speeds before it; the last place whose speed remains.
+  std::size_t last_controllable(std::size_t i, std::size_t& left) {
+    for (; left > 0; --left) {
+      leave_gap(i);
+      if (i == 0) return 0;
+      --i;
+      if (s_[i + 1] == s_[i]) {
+        gaps_[i] = gaps_[i + 1], f_.slowest[i] = f_.slowest[i + 1], f_.fastest[i] = f_.fastest[i + 1];
+      } else if (controllable(i, f_.y[i])) {
+        return i;
+      }
+    }
+    return i;
+  }
+
+  // Leaves out the speeds around y_i from which the end is not reached.
+  void leave_gap(std::size_t i) {
+    if (s_[i + 1] == s_[i]) return;
+    const LimitsAtPlace place(limits_, i);
+    const Goal next = goal(i);
+    const double lower = nearest_allowed(place, next, f_.y[i], f_.slowest[i], f_.cause);
+    const double upper = nearest_allowed(place, next, f_.y[i], f_.fastest[i], f_.cause);
+    if (std::isnan(lower) && std::isnan(upper)) {
+      f_.slowest[i] = 1, f_.fastest[i] = 0;
+    } else if (std::isnan(lower)) {
+      f_.slowest[i] = upper;
+    } else if (std::isnan(upper)) {
+      f_.fastest[i] = lower;
+    } else {
+      gaps_[i].push_back({lower, upper});
+    }
+  }
+
+  void step(std::size_t i) {
+    const double step = s_[i + 1] - s_[i], y = f_.y[i];
+    const LimitsAtPlace place(limits_, i);
+    const Bounds own = bounds(i, y), all = reached_from(i, y);
+    const double x = std::max(0.0, y * y + 2 * step * all.most.value);
+    double& reached = f_.y[i + 1];
+    reached = std::min(std::max(std::sqrt(x), f_.slowest[i + 1]), f_.fastest[i + 1]);
+    for (const auto& [from, to] : gaps_[i + 1])  // rounding has put it within a gap
+      if (reached > from && reached < to) reached = reached - from < to - reached ? from : to;
+    const double u = (reached * reached - y * y) / (2 * step);
+    f_.u_begin[i] = f_.u_end[i] = u;
+    const double near = 1e-7 * (std::abs(own.most.value) + std::abs(own.least.value));
+    f_.active[i] = u >= own.most.value - near                           ? own.most.row
+                   : u <= own.least.value + near                        ? own.least.row
+                   : y >= place.fastest() * (1 - 1e-9)                  ? speed_limit
+                   : reached >= limits_.fastest[i + 1] * (1 - 1e-9)     ? speed_limit
+                   : all.most.row >= 0                                  ? all.most.row
+                                                                        : next_place;
+    f_.kind[i] = u >= own.most.value - near ? Cell::forward : u <= own.least.value + near ? Cell::backward : Cell::riding;
+  }
+
+  const PathLimits& limits_;
+  const double* s_;
+  std::size_t n_;
+  bool splits_ = limits_.may_split();
+  std::vector<Gaps> gaps_;
+  Bounds bounds_;
+  std::size_t known_ = static_cast<std::size_t>(-1);
+  double known_speed_ = 0;
+  Fastest f_;
+};
+
+inline Fastest fastest_on_grid(const PathLimits& limits, const double* s, std::size_t n, double begin, double end) {
+  return GridPass(limits, s, n).run(begin, end);
 }
 
 }  // namespace bellcrank

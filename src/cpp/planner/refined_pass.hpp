@@ -29,7 +29,7 @@ class RefinedPass {
 
   Fastest run(double begin, double end) {
     Fastest f;
-    f.y.assign(n_, 0), f.slowest.assign(n_, 0), f.fastest.assign(n_, 0), f.gap.assign(n_, 0);
+    f.y.assign(n_, 0), f.slowest.assign(n_, 0), f.fastest.assign(n_, 0);
     f.u_begin.assign(n_ - 1, 0), f.u_end.assign(n_ - 1, 0), f.active.assign(n_ - 1, none), f.kind.assign(n_ - 1, 0);
     f.error.assign(n_ - 1, 0);
     for (std::size_t p = 0; p < top_.size(); ++p) {
@@ -153,7 +153,6 @@ class RefinedPass {
     const double h = step(i);
     const Bounds b0 = bounds(2 * i, x0), b1 = bounds(2 * i + 2, x1);
     const int kind = f.kind[i];
-    f.gap[i] = b0.hole;
     const bool bends = (kind == Cell::forward && b0.most.quantity != b1.most.quantity) ||
                        (kind == Cell::backward && b0.least.quantity != b1.least.quantity);
     if (narrow_[i] == 1) {
@@ -186,6 +185,12 @@ class RefinedPass {
     const double over = std::max(excess, kind == Cell::crossing || riding ? 0.0 : -0.2 * excess);
     f.error[i] = std::max(f.error[i], over / tolerances_.excess);
     if (riding) {
+      // A change from one limit of speed to another within the cell shows at its ends.
+      const auto over_at = [&](std::size_t place, double x, double u) {
+        return std::max(0.0, LimitsAtPlace(limits_, place).excess(std::sqrt(x), u));
+      };
+      f.error[i] = std::max({f.error[i], over_at(2 * i, x0, f.u_begin[i]) / tolerances_.excess,
+                             over_at(2 * i + 2, x1, f.u_end[i]) / tolerances_.excess});
       const double top = limits_.fastest[2 * i + 1];
       const double below = 1 - middle / (top * top);  // along the tip of a cone the speed misses the tip by the step²
       if (limits_.norms > 0 && below < 0.01) f.error[i] = std::max(f.error[i], below / tolerances_.excess);

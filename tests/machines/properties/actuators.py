@@ -94,7 +94,7 @@ class Actuators:
     def test_altitude_and_assumed_values_count_as_documented(self, catalogue):
         for altitude, share in ((0.0, 1.0), (1000.0, 1.0), (1700.0, 0.93), (4000.0, 0.7)):
             assert bc.Conditions(altitude=altitude).altitude_factor == pytest.approx(share, rel=1e-12)
-        assumed = bc.Conditions(assumed={"gear.efficiency": 0.66, "motor.peak_torque": 3.3})
+        assumed = bc.Conditions(assume={"gear.efficiency": 0.66, "motor.peak_torque": 3.3})
         for row, field, value in (
             *((gear, "efficiency", 0.66) for gear in catalogue.gears),
             *((motor, "peak_torque", 3.3) for motor in catalogue.motors),

@@ -73,7 +73,7 @@ class Selection:
     def brutes(self, selection):
         """(axis, pair) -> the pair's criteria in each cycle, sample by sample."""
         return {
-            (k, one.id): [Brute(one.motor, one.gear, cycle, k, selection.conditions) for cycle in selection.cycles]
+            (k, one.id): [Brute(one.motor, one.gear, cycle, k, axis.conditions) for cycle in selection.cycles]
             for k, axis in enumerate(selection.axes)
             for one in axis.candidates
         }
@@ -152,15 +152,15 @@ class Selection:
     # ---- criteria
 
     def test_criteria_of_each_candidate_are_those_judged_sample_by_sample(self, selection, brutes):
-        momentary = dict(selection.conditions.momentary_loads)
         for k, axis in enumerate(selection.axes):
+            momentary = dict(axis.conditions.momentary_loads)
             for rank, one in enumerate(axis.candidates):
                 expected = {}
                 for brute in brutes[k, one.id]:
                     hot = rank == 0
                     for name, use in brute.uses(temperatures=hot).items():
                         expected.setdefault(name, []).append(use)
-                load = momentary.get(axis.axis.name, math.nan) * selection.conditions.safety_factor
+                load = momentary.get(axis.axis.name, math.nan) * axis.conditions.safety_factor
                 limit = one.gear.momentary_torque
                 expected["gear momentary torque"] = [math.nan if limit is None else load / limit]
                 if one.motor.peak_torque is None:  # what may act all the time may act as a peak
@@ -215,14 +215,12 @@ class Selection:
             held = math.sqrt(one.gear.stiffness / inertia.max()) / (2.0 * math.pi)
             free = math.sqrt(one.gear.stiffness * (1.0 / inertia.max() + 1.0 / (n**2 * (rotor + gear)))) / math.tau
             assert notes["resonance"].text.startswith(f"{held:.3g} Hz with the rotor held, {free:.3g} Hz free")
-            torque = selection.conditions.safety_factor * max(
-                np.abs(cycle.torque[:, k]).max() for cycle in selection.cycles
-            )
+            torque = axis.conditions.safety_factor * max(np.abs(cycle.torque[:, k]).max() for cycle in selection.cycles)
             unit, factor = ("mm", 1e3) if axis.axis.kind == "linear" else ("arcmin", 60.0 * 180.0 / math.pi)
             text = notes["error at the axis"].text
             assert text.startswith(f"backlash {one.gear.backlash * factor:.3g} {unit}")
             assert f"wind-up {torque / one.gear.stiffness * factor:.3g} {unit}" in text or (
-                f"wind-up {torque / selection.conditions.safety_factor / one.gear.stiffness * factor:.3g}" in text
+                f"wind-up {torque / axis.conditions.safety_factor / one.gear.stiffness * factor:.3g}" in text
             )
 
     def test_the_supply_and_the_bus_bear_all_axes_together(self, selection, brutes):

@@ -88,7 +88,7 @@ def test_an_unknown_mass_never_wins_the_least_mass(arm, motion, catalogue, selec
 
 
 def test_an_assumed_mass_makes_the_loads_known_and_is_told(arm, motion, catalogue):
-    conditions = replace(CONDITIONS, assumed={"motor.mass": 2.0, "gear.mass": 1.0})
+    conditions = replace(CONDITIONS, assume={"motor.mass": 2.0, "gear.mass": 1.0})
     found = bc.select(arm, motion, without(catalogue, "mass"), conditions=conditions)
     assert all(one.unknown_masses == () for one in found.axes)
     assert "motor.mass = 2 is assumed for 6 of 6 motors, which do not state it" in found.warnings

@@ -213,8 +213,8 @@ def test_verdicts_and_ranks_equal_brute_force(robot):
     arm, motions = robot()
     catalogue = sized_catalogue(7, 9, 7, largest=100.0)
     loads = axis_loads(mechanism_of(arm), motions)
-    axes = axis_pairs(loads.axes, catalogue, {})
-    problem = JudgedAxes(loads, axes, CONDITIONS, "mass", feedback=False)
+    axes = axis_pairs(loads.axes, [catalogue] * len(loads.axes), {})
+    problem = JudgedAxes(loads, axes, [CONDITIONS] * len(axes), CONDITIONS, "mass", feedback=False)
     tiers = np.zeros(3, dtype=int)
     for axis, one in enumerate(axes):
         judgement = problem.judgement(axis, (-2,) * len(axes))

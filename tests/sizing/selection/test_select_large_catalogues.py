@@ -26,7 +26,7 @@ def problem(seed: int, missing: float, objective: str = "mass") -> JudgedAxes:
     catalogue = Catalogue(tuple(random_motors(60, seed, missing)), tuple(random_gears(15, seed, missing)))
     axes, cycles = random_cycles(AXES, seed)
     loads = AxisLoads(axes=axes, cycles=cycles, influence=np.zeros((AXES, AXES), dtype=bool), terms=())
-    return JudgedAxes(loads, axis_pairs(axes, catalogue, {}), CONDITIONS, objective)
+    return JudgedAxes(loads, axis_pairs(axes, [catalogue] * AXES, {}), [CONDITIONS] * AXES, CONDITIONS, objective)
 
 
 @pytest.mark.parametrize("objective", ["mass", "margin"])
@@ -44,7 +44,7 @@ def test_bounds_at_tiny_loads_are_not_above_the_ranks(seed, objective):
 def test_counts_are_those_of_all_pairs_and_of_copies():
     pairs = problem(4, 0.1)
     for axis in range(AXES):
-        one = axis_selection(pairs, axis, None, NONE, 3)
+        one = axis_selection(pairs, pairs, axis, None, NONE, 3)
         copied = pickle.loads(pickle.dumps(one.counts))
         tiers = judge(pairs.axes[axis].pairs, pairs.axis_loads(axis, NONE), CONDITIONS).tier
         expected = [(name, int(np.sum(tiers == number))) for number, name in enumerate(TIERS)]

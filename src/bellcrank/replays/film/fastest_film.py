@@ -44,12 +44,13 @@ def film_of_fastest(
         actuators=fastest.actuators if robot is None else None,
     )  # fmt: skip
     costs = [(f"limited by {cost.limit}", f"{100.0 * cost.share:.1f} % of the time") for cost in fastest.costs]
+    told = [("lower bound", fastest.bound), *costs, *(("warning", text) for text in fastest.warnings)]
     saved = [] if np.isnan(fastest.original_duration) else [("instead of", f"{fastest.original_duration:.6g} s")]
     return replace(
         film,
         limits=active_limits(fastest, film.axes),
         xy_plots=(_phase_plane(fastest), *film.xy_plots),
-        facts=(film.facts[0], *saved, *costs, *(("warning", text) for text in fastest.warnings), *film.facts[1:]),
+        facts=(film.facts[0], *saved, *told, *film.facts[1:]),
     )
 
 

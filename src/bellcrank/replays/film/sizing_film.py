@@ -11,7 +11,7 @@ from bellcrank.replays.film.film import Film, TimelineEvent
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.sizing.margins import LEAST_MARGIN
+from bellcrank.sizing.drive_verdicts import kept
 from bellcrank.sizing.tables import verdict
 
 if TYPE_CHECKING:
@@ -57,11 +57,13 @@ def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
     objections = [
         *(("cannot be sized", text) for text in sizing.unsizable),
         *(("exceeded", text) for text in sizing.exceeded),
+        *(("not known", text) for text in sizing.undetermined),
     ]
     if len(objections) > 1:
         counts = [
             (len(sizing.unsizable), "joint cannot be sized", "joints cannot be sized"),
             (len(sizing.exceeded), "limit exceeded", "limits exceeded"),
+            (len(sizing.undetermined), "peak not known", "peaks not known"),
         ]
         answer = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
         facts = [("verdict", f"{answer}; the first: {objections[0][1]}"), *objections[1:]]
@@ -98,14 +100,15 @@ def exceeded_peaks(joint: JointSizing) -> list[tuple[Peak, str]]:
         (joint.effort_margin, "peak_torque", needs),
         (joint.velocity_margin, "peak_speed", reaches),
     ):
-        if margin is not None and margin < LEAST_MARGIN:
+        if not kept(margin):
             found.append((joint.peaks[peak], f"{joint.name} {text}"))
     if joint.shaft is not None:
         peaks = {
-            "peak torque": joint.shaft.peak_torque, "speed": joint.shaft.peak_speed,
-            "torque-speed curve": joint.shaft.curve_use,
+            "peak torque": joint.shaft.peak_torque, "motor speed": joint.shaft.peak_speed,
+            "peak curve": joint.shaft.curve_use, "voltage limit": joint.shaft.curve_use,
+            "peak current": joint.shaft.curve_use,
         }  # fmt: skip
         for name, margin in joint.shaft.known_margins.items():
-            if margin < LEAST_MARGIN and (where := peaks.get(name)) is not None:
+            if not kept(margin) and (where := peaks.get(name)) is not None:
                 found.append((where, f"{joint.name} exceeds its motor's {name} by {-margin:.1%}"))
     return found

@@ -26,7 +26,7 @@ function shaftLoad({ speed, torque, acceleration }, { ratio, efficiency, backEff
   };
   return {
     speed: speed.map((w) => ratio * w),
-    torque: torque.map((t, i) => shaftTorque(safety * t, speed[i], acceleration[i])),
+    torque: torque.map((t, i) => safety * shaftTorque(t, speed[i], acceleration[i])),
   };
 }
 

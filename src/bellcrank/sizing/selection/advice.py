@@ -56,6 +56,7 @@ class _Remedies:
 
     def __init__(self, problem: JudgedAxes, axis: int, masses: Masses, pair: Candidate) -> None:
         self.problem, self.axis, self.masses = problem, axis, masses
+        self.conditions = problem.conditions[axis]
         self.motor, self.gear = pair.motor, pair.gear
         self.exceeded = {result.name for result in pair.criteria if result.verdict == "exceeded"}
         self.loads = problem.axis_loads(axis, masses)
@@ -66,7 +67,7 @@ class _Remedies:
             return ""
         ratios = pair.gear.ratio * RATIOS
         geared = _pairs([(pair.motor, replace(pair.gear, ratio=float(ratio))) for ratio in ratios])
-        passing = ratios[judge(geared, self.loads, self.problem.conditions).tier < 2]
+        passing = ratios[judge(geared, self.loads, self.conditions).tier < 2]
         if not len(passing):
             return ""
         unit = "" if self.problem.axes[self.axis].axis.kind == "rotary" else " rad/m"
@@ -75,12 +76,12 @@ class _Remedies:
 
     def voltage(self) -> str:
         """A higher voltage."""
-        now = self.motor.nominal_voltage if self.problem.conditions.voltage is None else self.problem.conditions.voltage
+        now = self.motor.nominal_voltage if self.conditions.voltage is None else self.conditions.voltage
         if now is None or not self.exceeded & {"voltage limit", "peak curve"}:
             return ""
 
         def passes(factor: float) -> bool:
-            conditions = replace(self.problem.conditions, voltage=now * factor)
+            conditions = replace(self.conditions, voltage=now * factor)
             return bool(judge(_pairs([(self.motor, self.gear)]), self.loads, conditions).tier[0] < 2)
 
         factor = _first(VOLTAGES.tolist(), passes)
@@ -97,7 +98,7 @@ class _Remedies:
                 reduce_cycle(slower_cycle(cycle, factor), self.problem.loads.axes, self.axis) for cycle in cycles
             )
             loads = ReducedLoads(axis=one.axis, cycles=reduced)
-            return np.flatnonzero(judge(pairs, loads, self.problem.conditions).tier < 2)
+            return np.flatnonzero(judge(pairs, loads, self.conditions).tier < 2)
 
         factor = _first(DURATIONS.tolist(), lambda each: len(passing(each)) > 0)
         if not factor:

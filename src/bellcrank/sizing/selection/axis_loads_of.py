@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, checked_transmissions
 from bellcrank.actuators.mount import Mount, checked_mounts
 from bellcrank.dynamics.force_table_breakpoints import with_force_rows
@@ -14,13 +16,12 @@ from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.coupled_axes import axis_coordinates
+from bellcrank.sizing.coupled_axes import axis_coordinates, of_axes
 from bellcrank.sizing.finite_checks import refuse_non_finite
-from bellcrank.sizing.motion_grid import STILL
 from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
-from bellcrank.sizing.selection.load_cycles import PlannedCycle, planned_cycles
+from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles
 from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ def axis_loads(
     duty: Sequence[DutyStep] | None = None,
     transmissions: Sequence[CoupledTransmission] = (),
     mounts: Mapping[str, Mount] | None = None,
+    drives: Mapping[str, Actuator] | None = None,
+    mass_tolerance: float = 0.0,
 ) -> AxisLoads:
     """What the motor of each axis must deliver along the cycles of a mechanism.
 
@@ -45,6 +48,10 @@ def axis_loads(
         duty: The order of motions and pauses in the cycle; None: each motion is a cycle that repeats.
         transmissions: Coupled transmissions, whose motors are axes in place of their joints.
         mounts: Where actuators are mounted, by the name of the axis, where that is not the joint's parent link.
+        drives: Actuators by the name of the axis, whose largest shaft torques and shares of torque-speed limits are
+            among the samples.
+        mass_tolerance: Share by which each link's mass and inertia may be off. Each cycle is then there twice: with the
+            torques that load the drive's shaft most, and with those of the largest size.
 
     Returns:
         The loads of each cycle.
@@ -77,7 +84,9 @@ def axis_loads(
     _check_included(mechanism, kinematics.bodies, chosen)
     model = LoadModel(kinematics, coupled.matrix)
     motions = [with_force_rows(mechanism, motion) for motion in motions]
-    plans = planned_cycles(mechanism, motions, duty, model.joint_torques)
+    names = list(coupled.mounted_at)
+    given = {names.index(name): one for name, one in (drives or {}).items() if not one.unknown_of_torque}
+    plans = planned_cycles(mechanism, motions, duty, model.joint_torques, _shafts(given, coupled.matrix))
     axes = tuple(
         Axis(
             name=body.name,
@@ -92,6 +101,12 @@ def axis_loads(
     )
     terms = tuple(_terms(model, plan, [axis.name for axis in axes]) for plan in plans)
     cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))
+    if mass_tolerance:
+        cycles = tuple(
+            worst
+            for plan, cycle in zip(plans, cycles, strict=True)
+            for worst in _off_by(model, plan, cycle, mass_tolerance, given)
+        )
     return AxisLoads(
         axes=axes,
         cycles=cycles,
@@ -99,6 +114,44 @@ def axis_loads(
         terms=terms,
         warnings=transition_notes(mechanism, motions, duty),
     )
+
+
+def _shafts(drives: Mapping[int, Actuator], coordinates: Array) -> Shafts | None:
+    """The shaft torques of drives, by the number of the axis, and the shares of limits that they use, of the torques,
+    speeds and accelerations (n, k) of joints; None without drives.
+    """
+    if not drives:
+        return None
+    force = np.linalg.inv(coordinates)
+
+    def found(torque: Array, speed: Array, acceleration: Array) -> dict[str, Array]:
+        axes = torque @ force, speed @ coordinates.T, acceleration @ coordinates.T
+        shaft = np.stack([one.shaft_torque(*(each[:, k] for each in axes)) for k, one in drives.items()], axis=1)
+        uses = [
+            one.limit_uses(one.safety_factor * shaft[:, place], one.ratio * axes[1][:, k])
+            for place, (k, one) in enumerate(drives.items())
+        ]
+        return {"shaft": np.abs(shaft), "limits": np.concatenate(uses).T}
+
+    return found
+
+
+def _off_by(
+    model: LoadModel, plan: PlannedCycle, cycle: LoadCycle, tolerance: float, drives: Mapping[int, Actuator]
+) -> tuple[LoadCycle, LoadCycle]:
+    """A cycle with each link's mass and inertia off by a share: at each sample with the torque that loads the shaft of
+    the drive most, and with the torque of the largest size. Peaks are reached; means of squares are upper bounds.
+    """
+    states = [part.states for part in plan.parts]
+    links = np.concatenate([model.mechanism.link_torques(*each) for each in states])
+    spread = tolerance * np.abs(links @ np.linalg.inv(model.coordinates)).sum(axis=1)
+    low, high = cycle.torque - spread, cycle.torque + spread
+    largest = np.where(np.abs(low) > np.abs(high), low, high)
+    at_shaft = largest.copy()
+    for k, one in drives.items():
+        ends = [one.shaft_torque(end[:, k], cycle.speed[:, k], cycle.acceleration[:, k]) for end in (low, high)]
+        at_shaft[:, k] = np.where(np.abs(ends[0]) > np.abs(ends[1]), low[:, k], high[:, k])
+    return replace(cycle, torque=at_shaft), replace(cycle, torque=largest)
 
 
 def _check_included(mechanism: Mechanism, bodies: Sequence[MountedBody], mounts: Mapping[str, Mount]) -> None:
@@ -158,7 +211,7 @@ def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> Lo
     positions, columns = [joint.q for joint in motors], [joint.v for joint in motors]
 
     def along(values: Sequence[Array]) -> Array:
-        return np.concatenate(values) @ coordinates.T
+        return of_axes(coordinates, np.concatenate(values))
 
     states = [part.states for part in plan.parts]
     return LoadCycle(
@@ -170,18 +223,13 @@ def _cycle(model: LoadModel, plan: PlannedCycle, samples: AxisLoadSamples) -> Lo
         sequence=tuple((int(edges[number]), int(edges[number + 1]), count) for number, count in plan.order),
         torque=samples.torque,
         static_torque=samples.static_torque,
-        speed=_without_noise(along([each.velocity[:, columns] for each in states])),
+        speed=along([each.velocity[:, columns] for each in states]),
         acceleration=along([each.acceleration[:, columns] for each in states]),
         position=along([each.position[:, positions] for each in states]),
         axial_force=np.abs(samples.axial_force),
         tilting_moment=np.linalg.norm(samples.moment, axis=-1),
         inertia=samples.inertia,
     )
-
-
-def _without_noise(speed: Array) -> Array:
-    """Speeds, those whose sign is rounding set to 0: a joint that rests is held, and gives no power back."""
-    return np.where(np.abs(speed) > STILL, speed, 0.0)
 
 
 def _starts(plan: PlannedCycle) -> list[float]:

@@ -39,16 +39,16 @@ class AxisPairs:
     kept: bool
 
 
-def axis_pairs(axes: Sequence[Axis], catalogue: Catalogue, keep: Mapping[str, str]) -> tuple[AxisPairs, ...]:
+def axis_pairs(axes: Sequence[Axis], catalogues: Sequence[Catalogue], keep: Mapping[str, str]) -> tuple[AxisPairs, ...]:
     """The pairs of each axis.
 
     Args:
         axes: The axes.
-        catalogue: The products to choose from.
+        catalogues: The products to choose from, of each axis; axes with the same catalogue share pairs.
         keep: Ids by the name of the axis, "motor+gear", or "motor" for any gear; these products are in the catalogue.
 
     Returns:
-        The pairs by axis. Axes of the same kind without a given pair share them.
+        The pairs by axis. Axes of the same kind and catalogue without a given pair share them.
 
     Raises:
         InputError: An axis, a motor or a gear is unknown, or they do not go together.
@@ -57,17 +57,18 @@ def axis_pairs(axes: Sequence[Axis], catalogue: Catalogue, keep: Mapping[str, st
     for name in keep:
         if name not in names:
             raise InputError(f"argument 'keep': {unknown_name('axis', name, names)}")
-    motors = sorted(catalogue.motors, key=lambda row: row.id)
-    gears = sorted(catalogue.gears, key=lambda row: row.id)
-    shared: dict[str, AxisPairs] = {}
+    shared: dict[tuple[str, int], AxisPairs] = {}
     found = []
-    for axis in axes:
+    for axis, catalogue in zip(axes, catalogues, strict=True):
+        motors = sorted(catalogue.motors, key=lambda row: row.id)
+        gears = sorted(catalogue.gears, key=lambda row: row.id)
         if axis.name in keep:
             found.append(_kept(axis, motors, gears, keep[axis.name]))
             continue
-        if axis.kind not in shared:
-            shared[axis.kind] = _with_figures(axis, Pairs.possible(motors, gears, axis.kind), kept=False)
-        one = shared[axis.kind]
+        key = (axis.kind, id(catalogue))
+        if key not in shared:
+            shared[key] = _with_figures(axis, Pairs.possible(motors, gears, axis.kind), kept=False)
+        one = shared[key]
         found.append(AxisPairs(axis=axis, pairs=one.pairs, bodies=one.bodies, cost=one.cost, kept=False))
     return tuple(found)
 

@@ -14,6 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
+from bellcrank.sizing.selection.criteria import exceeds
 from bellcrank.sizing.selection.joint_problem import Masses, best_pairs
 from bellcrank.sizing.selection.judge import (
     CRITERIA,
@@ -36,11 +37,14 @@ from bellcrank.sizing.selection.tier_counts import TierCounts
 Indices = NDArray[np.intp]
 
 
-def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int) -> AxisSelection:
+def axis_selection(
+    problem: JudgedAxes, final: JudgedAxes, axis: int, chosen: int | None, masses: Masses, most: int
+) -> AxisSelection:
     """The candidates of one axis under the masses of the chosen actuators.
 
     Args:
         problem: The pairs.
+        final: The same pairs under the loads by which those that are listed are judged.
         axis: Number of the axis.
         chosen: Number of the chosen pair.
         masses: Classes of the chosen actuators.
@@ -48,14 +52,15 @@ def axis_selection(problem: JudgedAxes, axis: int, chosen: int | None, masses: M
     """
     rows = listed_rows(problem, axis, chosen, masses, most)
     unknown = problem.unknown_masses(axis, masses)
-    judgement = completed(problem.judgement(axis, masses, rows))
-    under = JudgedUnder(judgement.loads, problem.conditions, tuple(unknown))
+    judgement = completed(final.judgement(axis, masses, rows))
+    under = JudgedUnder(judgement.loads, judgement.conditions, tuple(unknown))
     made = [candidate(problem.axes[axis], judgement, place, int(row), under) for place, row in enumerate(rows)]
     return AxisSelection(
         axis=problem.axes[axis].axis,
+        conditions=judgement.conditions,
         chosen=None if chosen is None else made[rows.tolist().index(chosen)],
         candidates=tuple(made),
-        counts=TierCounts(problem.axes[axis].pairs, judgement.loads, problem.conditions, bool(unknown)),
+        counts=TierCounts(problem.axes[axis].pairs, judgement.loads, judgement.conditions, bool(unknown)),
         unknown_masses=tuple(unknown),
         kept=problem.kept[axis],
     )
@@ -112,9 +117,9 @@ def completed(judgement: Judgement) -> Judgement:
         if len(rest):
             pairs = judgement.pairs.take(rest)
             found = criterion.use(pairs, judgement.loads, judgement.conditions)
-            judged = criterion.judged(pairs, judgement.loads.axis, judgement.conditions)
+            judged = criterion.applies(pairs, judgement.loads.axis, judgement.conditions)
             use[row, rest] = np.where(judged, found, np.nan)
-            inside = np.where(np.isnan(found), UNKNOWN, np.where(found > 1.0, EXCEEDED, INSIDE))
+            inside = np.where(np.isnan(found), UNKNOWN, np.where(exceeds(found), EXCEEDED, INSIDE))
             verdict[row, rest] = np.where(judged, inside, NOTE)
     return replace(judgement, use=use, verdict=verdict)
 

@@ -83,7 +83,7 @@ def system_results(problem: JudgedAxes, choice: Choice) -> tuple[CriterionResult
     if len(pairs) < len(choice):
         return ()
     loads = [problem.axis_loads(axis, masses) for axis in range(len(choice))]
-    results = judge_system(pairs, loads, problem.conditions)
+    results = judge_system(pairs, loads, problem.common)
     unknown = sorted({name for axis in range(len(choice)) for name in problem.unknown_masses(axis, masses)})
     return tuple(without_mass(result, unknown) for result in results) if unknown else results
 

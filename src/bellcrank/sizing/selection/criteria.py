@@ -10,7 +10,7 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,20 @@ TORQUE_CONSTANT = (("motor.torque_constant", "motor.torque_constant_basis"),)
 FRICTION = ((*TORQUE_CONSTANT[0], "motor.no_load_current"), ("motor.coulomb_friction", "motor.viscous_friction"))
 
 
+BY_RATINGS = "not judged: the actuator is given by its ratings, which do not contain it"
 AT_LEAST = "whatever the figures are that are not stated"
 ROUNDING = 1e-12  # N m and other SI units: smaller loads are written as 0
+TOLERANCE = 2e-5  # of a limit: a motion that is planned up to a limit meets it to about 1e-5
+
+
+def exceeds(use: Any) -> Any:
+    """Whether a utilisation, a number or an array, is above its limit by more than the tolerance; NaN is not."""
+    return use > 1.0 + TOLERANCE
+
+
+def within(use: Any) -> Any:
+    """Whether a utilisation is at most 1: a bound of a limit shows no pass by the tolerance; NaN is not."""
+    return use <= 1.0
 
 
 class Criterion(ABC):
@@ -50,6 +62,7 @@ class Criterion(ABC):
         source: Where the formula is from.
         needs: Fields that decide it ("motor.peak_torque"): alternatives, each of them sufficient.
         of_gear: Whether it depends on the gear alone.
+        of_ratings: Whether it applies to motors that are given by their ratings alone (`Motor.by_ratings`).
     """
 
     name: ClassVar[str]
@@ -57,6 +70,7 @@ class Criterion(ABC):
     source: ClassVar[str]
     needs: ClassVar[tuple[tuple[str, ...], ...]] = ((),)
     of_gear: ClassVar[bool] = False
+    of_ratings: ClassVar[bool] = False
 
     @abstractmethod
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
@@ -69,6 +83,11 @@ class Criterion(ABC):
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Whether (m,) the criterion has a limit for each pair; otherwise it is a note."""
         return np.ones(len(pairs), dtype=bool)
+
+    def applies(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Whether (m,) the criterion is judged for each pair, and not left to the user by ratings."""
+        judged = self.judged(pairs, axis, conditions)
+        return judged if self.of_ratings else np.asarray(judged & (pairs.of_motor("by_ratings") == 0.0))
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """Whether (m,) a bound that costs little shows that the utilisation in one cycle is at most a level (m,)."""
@@ -121,7 +140,9 @@ class Criterion(ABC):
         """The verdict on one pair, with a sentence about its worst cycle."""
         uses = self._uses(pair, loads, conditions)
         use = float(worst(uses)[0])
-        judged = bool(self.judged(pair, loads.axis, conditions)[0])
+        judged = bool(self.applies(pair, loads.axis, conditions)[0])
+        if not judged and not self.of_ratings and pair.of_motor("by_ratings")[0]:
+            return CriterionResult(name=self.name, use=None, verdict="note", text=BY_RATINGS)
         ((_, cycles),) = cycles_of(pair, loads, conditions, of_gear=self.of_gear)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             loads_of = uses[:, 0]
@@ -131,7 +152,7 @@ class Criterion(ABC):
             number = int(np.argmax(np.where(np.isnan(loads_of), -np.inf, loads_of)))
             text = self.cycle_text(pair, cycles[number], conditions)
         verdict: Verdict = (
-            "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if use > 1.0 else "inside"
+            "note" if not judged else "unknown" if np.isnan(use) else "exceeded" if exceeds(use) else "inside"
         )
         known = judged and not np.isnan(use)
         return CriterionResult(name=self.name, use=use if known else None, verdict=verdict, text=text)
@@ -185,17 +206,17 @@ class LimitCriterion(Criterion):
         demand = self.demand(pairs, cycle, conditions)
         limit = self.limit(pairs, cycle, conditions)
         use = share(demand, limit)
-        for bound, decides in ((self.at_least(pairs, cycle), np.less_equal), (self.at_most(pairs, cycle), np.greater)):
+        for bound, decides in ((self.at_least(pairs, cycle), within), (self.at_most(pairs, cycle), exceeds)):
             if bound is not None:
                 instead = share(demand, bound[0])
-                use = np.where(np.isnan(use) & decides(instead, 1.0), instead, use)
+                use = np.where(np.isnan(use) & decides(instead), instead, use)
         rows = np.nonzero(np.isnan(demand))[0]
         part = pairs.take(rows)
         least = self.least_demand(part, cycle) if len(rows) else None
         if least is not None:
             most = self.at_most(part, cycle)
             instead = share(least, limit[rows] if most is None else np.fmin(limit[rows], most[0]))
-            use[rows] = np.where(instead > 1.0, instead, use[rows])
+            use[rows] = np.where(exceeds(instead), instead, use[rows])
         return use
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
@@ -209,7 +230,7 @@ class LimitCriterion(Criterion):
             if math.isnan(size):
                 return f"{self.quantity} unknown in '{cycle.name}'; {self.missing(pair)}"
             load = f"{self.quantity} at least {figure(size)} {unit}, {AT_LEAST}"
-            if not self.cycle_use(pair, cycle, conditions)[0] > 1.0:
+            if not exceeds(self.cycle_use(pair, cycle, conditions)[0]):
                 return f"{load}, in '{cycle.name}'; {self.missing(pair)}"
         limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
         if np.isnan(limit):
@@ -243,9 +264,9 @@ def share(demand: Array | float, limit: Array) -> Array:
 
 
 def worst(uses: Array) -> Array:
-    """The largest utilisation (m,) of several (c, m): above 1 where one is, else NaN where one is unknown."""
+    """The largest utilisation (m,) of several (c, m): exceeding where one does, else NaN where one is unknown."""
     known = np.fmax.reduce(uses, axis=0)
-    return np.where(np.isnan(uses).any(axis=0) & ~(known > 1.0), np.nan, known)
+    return np.where(np.isnan(uses).any(axis=0) & ~exceeds(known), np.nan, known)
 
 
 def alternatives(*groups: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, share
+from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, exceeds, share, within
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -73,11 +73,11 @@ class GearAverageTorque(GearCriterion):
         pass_limit = np.where(np.isnan(limit), self.at_least(pairs, cycle)[0], limit)
         fail_limit = np.where(np.isnan(limit), self.at_most(pairs, cycle)[0], limit)
         for torque, bound, decides in (
-            (cycle.max_torque, pass_limit, np.less_equal),
-            (cycle.average_torque(1.0), fail_limit, np.greater),
+            (cycle.max_torque, pass_limit, within),
+            (cycle.average_torque(1.0), fail_limit, exceeds),
         ):
             instead = share(torque, bound)
-            use = np.where(np.isnan(use) & decides(instead, 1.0), instead, use)
+            use = np.where(np.isnan(use) & decides(instead), instead, use)
         return use
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:

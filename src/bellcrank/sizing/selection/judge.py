@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque
 from bellcrank.sizing.selection.bearing_criteria import AxialLoad, TiltingMoment
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, cycles_of
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, cycles_of, exceeds
 from bellcrank.sizing.selection.gear_criteria import (
     GearAverageSpeed,
     GearAverageTorque,
@@ -177,8 +177,9 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
     gears = np.arange(len(pairs.products.gears))
     each = Pairs(products=pairs.products, motor=np.zeros_like(gears), gear=gears, fits=np.ones(len(gears), dtype=bool))
     use, verdict = verdicts(criterion, each, loads, conditions)
-    judgement.use[row] = use[pairs.gear]
-    judgement.verdict[row] = verdict[pairs.gear]
+    product = pairs.of_motor("by_ratings") == 0.0
+    judgement.use[row] = np.where(product, use[pairs.gear], np.nan)
+    judgement.verdict[row] = np.where(product, verdict[pairs.gear], NOTE)
 
 
 def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools, exact: bool) -> None:
@@ -192,7 +193,7 @@ def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools, exact: boo
             _judge_rows(judgement, row + offset, (criterion,), rows[rest], part.take(rest))
             use = judgement.use[row + offset, rows]
             level = np.fmax(level, use)
-            passed &= ~(use > 1.0)
+            passed &= ~exceeds(use)
         row += len(group)
         rows, part, level = rows[passed], part.take(passed), level[passed]
         if not len(rows):
@@ -207,7 +208,7 @@ def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools, exact: boo
 
 def _by_bound(judgement: Judgement, row: int, criterion: Criterion, part: Pairs, rows: Index, level: Array) -> Index:
     """Enter what notes and bounds decide; numbers of the pairs that are left, which count as not evaluated."""
-    judged = criterion.judged(part, judgement.loads.axis, judgement.conditions)
+    judged = criterion.applies(part, judgement.loads.axis, judgement.conditions)
     below = criterion.below(part, judgement.loads, judgement.conditions, np.minimum(level, 1.0))
     judgement.verdict[row, rows] = np.where(judged, np.where(below, INSIDE, NOT_EVALUATED), NOTE)
     return np.nonzero(judged & ~below)[0]
@@ -227,10 +228,11 @@ def _judge_rows(
 def verdicts(
     criterion: Criterion, pairs: Pairs, loads: ReducedLoads, conditions: Conditions
 ) -> tuple[Array, NDArray[np.int8]]:
-    """Utilisation (NaN of a note) and verdict of each pair."""
+    """Utilisation (NaN of a note) and verdict of each pair; of a criterion of gears, whichever their motors are."""
     use = criterion.use(pairs, loads, conditions)
-    judged: Bools = criterion.judged(pairs, loads.axis, conditions)
-    verdict = np.where(np.isnan(use), UNKNOWN, np.where(use > 1.0, EXCEEDED, INSIDE))
+    of_pairs = criterion.judged if criterion.of_gear else criterion.applies
+    judged: Bools = of_pairs(pairs, loads.axis, conditions)
+    verdict = np.where(np.isnan(use), UNKNOWN, np.where(exceeds(use), EXCEEDED, INSIDE))
     return np.where(judged, use, np.nan), np.where(judged, verdict, NOTE).astype(np.int8)
 
 

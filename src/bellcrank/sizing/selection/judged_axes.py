@@ -86,7 +86,8 @@ class JudgedAxes:
     Attributes:
         loads: The loads of the axes.
         axes: The pairs of each axis.
-        conditions: What is assumed.
+        conditions: What is assumed of each axis.
+        common: What is assumed of all axes together, such as the supply.
         objective: What is minimised.
         feedback: Whether the actuators' masses load other axes.
         progress: Called after each judgement with the effort spent.
@@ -94,7 +95,8 @@ class JudgedAxes:
 
     loads: AxisLoads
     axes: Sequence[AxisPairs]
-    conditions: Conditions
+    conditions: Sequence[Conditions]
+    common: Conditions
     objective: Objective
     feedback: bool = True
     progress: Callable[[int], None] | None = None
@@ -146,7 +148,7 @@ class JudgedAxes:
     def judgement(self, axis: int, masses: Masses, rows: Indices | None = None, exact: bool = True) -> Judgement:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
         pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
-        found = judge(pairs, self.axis_loads(axis, masses), self.conditions, exact)
+        found = judge(pairs, self.axis_loads(axis, masses), self.conditions[axis], exact)
         self.effort += len(pairs) + PAIRS_OF_A_JUDGEMENT
         if self.progress is not None:
             self.progress(self.effort)
@@ -185,7 +187,7 @@ class JudgedAxes:
         pairs, judgement = self.axes[axis].pairs, self._at_tiny_loads(axis, tiny_loads(loads))
         of_motion = np.array([criterion.name in OF_MOTION for criterion in judgement.criteria])
         for row in np.flatnonzero(of_motion):
-            judgement.verdict[row] = verdicts(judgement.criteria[row], pairs, loads, self.conditions)[1]
+            judgement.verdict[row] = verdicts(judgement.criteria[row], pairs, loads, self.conditions[axis])[1]
         found = self._rank(axis, judgement)
         found[:, 0] = (judgement.verdict[of_motion] == EXCEEDED).any(axis=0)
         found[:, 5] = 0
@@ -194,11 +196,16 @@ class JudgedAxes:
         return found
 
     def _at_tiny_loads(self, axis: int, loads: ReducedLoads) -> Judgement:
-        """The judgement of an axis's pairs at tiny loads; made once for axes of the same pairs and loads."""
-        pairs = self.axes[axis].pairs
-        key = (id(pairs), loads.axis.kind, *(repr(_sizes(cycle)) for cycle in loads.cycles))  # NaN differs from NaN
+        """The judgement of an axis's pairs at tiny loads; made once for the same pairs, conditions and loads."""
+        pairs, conditions = self.axes[axis].pairs, self.conditions[axis]
+        key = (
+            id(pairs),
+            conditions,
+            loads.axis.kind,
+            *(repr(_sizes(cycle)) for cycle in loads.cycles),
+        )  # NaN differs from NaN
         if key not in self._tiny:
-            self._tiny[key] = judge(pairs, loads, self.conditions, exact=False)
+            self._tiny[key] = judge(pairs, loads, conditions, exact=False)
         return replace(self._tiny[key], verdict=self._tiny[key].verdict.copy())
 
     # ---- loads

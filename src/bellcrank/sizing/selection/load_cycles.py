@@ -20,6 +20,7 @@ from bellcrank.sizing.selection.mounted_bodies import States
 
 Array = NDArray[np.float64]
 Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
+Shafts = Callable[[Array, Array, Array], dict[str, Array]]  # torques, speeds, accelerations (n, k) of joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +57,14 @@ class PlannedCycle:
 
 
 def planned_cycles(
-    mechanism: Mechanism, motions: Sequence[Motion], duty: Sequence[DutyStep] | None, torque: Torque
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    duty: Sequence[DutyStep] | None,
+    torque: Torque,
+    shafts: Shafts | None = None,
 ) -> tuple[PlannedCycle, ...]:
     """The one cycle of a duty program, or without one each motion as a cycle. Parts are divided where `torque` changes
-    fast.
+    fast; the times of the largest values of what `shafts` gives are among the samples.
 
     Raises InputError where a step names an unknown motion, or there is no motion.
     """
@@ -67,7 +72,8 @@ def planned_cycles(
         raise InputError(f"loads of {mechanism.robot.name}: there is no motion; give at least one")
     if not duty:
         return tuple(
-            PlannedCycle(motion.name, (motion_part(mechanism, motion, torque),), ((0, 1),)) for motion in motions
+            PlannedCycle(motion.name, (motion_part(mechanism, motion, torque, shafts),), ((0, 1),))
+            for motion in motions
         )
     named = {motion.name: motion for motion in motions}
     for step in duty:
@@ -84,7 +90,9 @@ def planned_cycles(
             before = step.motion
         if key not in parts:
             motion = named[key[0] or ""]
-            parts[key] = motion_part(mechanism, motion, torque) if not step.pause else pause_part(motion, step.pause)
+            parts[key] = (
+                pause_part(motion, step.pause) if step.pause else motion_part(mechanism, motion, torque, shafts)
+            )
         number = list(parts).index(key)
         if order and order[-1][0] == number:
             order[-1] = (number, order[-1][1] + step.repeat)
@@ -93,7 +101,7 @@ def planned_cycles(
     return (PlannedCycle("duty", tuple(parts.values()), tuple(order)),)
 
 
-def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque) -> CyclePart:
+def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Shafts | None = None) -> CyclePart:
     """A motion on the grid of sizing/motion_grid.py, with the times of its largest torques, speeds and powers."""
     columns = [joint.v for joint in mechanism.motors]
 
@@ -102,7 +110,8 @@ def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque) -> CyclePa
 
     def largest(t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         load, speed = torque(t, q, v, a), v[:, columns]
-        return {"load": np.abs(load), "speed": np.abs(speed), "motoring": load * speed, "generating": -load * speed}
+        found = {"load": np.abs(load), "speed": np.abs(speed), "motoring": load * speed, "generating": -load * speed}
+        return found if shafts is None else found | shafts(load, speed, a[:, columns])
 
     grid = coarse_grid_along(motion, force_breaks(mechanism), squared)
     grid = with_probes(motion, grid, reversal_times(motion, coulomb_widths(mechanism)))

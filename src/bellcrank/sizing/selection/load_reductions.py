@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.shaft_load import motoring
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
 from bellcrank.sizing.selection.sample_blocks import Blocks
 
 Array = NDArray[np.float64]
-STANDSTILL = (
-    1e-9  # rad/s (m/s) of the axis: slower counts as at rest, so that rounding does not decide the flow of power
-)
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
 
 
@@ -47,12 +45,14 @@ class ReducedCycle:
         sequence: (first interval, interval after the last, passes) of each part in the order of the cycle.
         features: (n, 5): torque while the motor drives (τ q̇ >= 0, standstill included), torque while the load drives,
             acceleration, direction of motion (-1, 0, 1), speed.
-        torque: Torque (n,) at the axis.
+        torque: Torque (n,) at the axis, times the safety factor: what the gear's output bears.
         static_torque: Largest torque that holds the axis at rest in the cycle's postures.
         inertia: Inertia (n,) of the load.
         axial_force: Largest force along the joint's axis, N; NaN where there is none.
         tilting_moment: Largest moment across the joint's axis, N m; NaN where there is none.
         includes_gear: Whether the features' torques are divided by a gear's efficiency over load already.
+        safety_factor: Factor on the output torque, which `torque` contains, and on the whole torque at the motor shaft,
+            rotor included, which `shaft_loads.coefficients` contain; the features are without it.
     """
 
     axis: Axis
@@ -69,6 +69,7 @@ class ReducedCycle:
     axial_force: float
     tilting_moment: float
     includes_gear: bool = False
+    safety_factor: float = 1.0
     _extremes: dict[tuple[int, int], Array] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -194,17 +195,22 @@ class ReducedCycle:
         They are the samples where the motor drives (τ q̇ >= 0, standstill included) and τ q̈ >= 0; torques are those of
         the load, before any gear. See `shaft_loads.least_coefficients`.
         """
-        aligned = (self.torque * self.speed >= 0.0) & (self.torque * self.features[:, ACCELERATION] >= 0.0)
+        aligned = motoring(self.torque, self.speed) & (self.torque * self.features[:, ACCELERATION] >= 0.0)
         features = self.features * aligned[:, None]
-        features[:, DRIVING] = np.where(aligned, self.torque, 0.0)
+        features[:, DRIVING] = np.where(aligned, self.torque / self.safety_factor, 0.0)
         features[:, DRIVEN] = 0.0
         return replace(self, features=features, includes_gear=False)
 
-    def scaled(self, factor: float) -> ReducedCycle:
-        """The same cycle with all loads (torques, forces and moments, but no inertia) times a factor."""
+    def with_safety_factor(self, factor: float) -> ReducedCycle:
+        """The same cycle with a safety factor.
+
+        It multiplies what is compared with a limit: the torque at the gear's output, without the actuator's own
+        inertia, and the whole torque at the motor shaft, rotor included, (T_load + T_acceleration) S (Oriental Motor,
+        Technical reference: selection calculations, required torque); so losses in the copper rise with its square.
+        """
         return replace(
             self,
-            features=self.features * [factor, factor, 1.0, 1.0, 1.0],
+            safety_factor=self.safety_factor * factor,
             torque=self.torque * factor,
             static_torque=self.static_torque * factor,
             axial_force=self.axial_force * factor,
@@ -213,8 +219,8 @@ class ReducedCycle:
 
     def through(self, train: PowerTrains) -> ReducedCycle:
         """The same cycle with the torques at the input of one gear (its efficiency over load), times its ratio."""
-        torque = train.gear_torque(self.torque, self.speed) * train.gears.ratio
-        driven = self.torque * self.speed < 0.0
+        torque = train.gear_torque(self.torque / self.safety_factor, self.speed) * train.gears.ratio
+        driven = ~motoring(self.torque, self.speed)
         features = self.features.copy()
         features[:, DRIVING] = np.where(driven, 0.0, torque)
         features[:, DRIVEN] = np.where(driven, torque, 0.0)
@@ -236,11 +242,11 @@ class ReducedLoads:
     _through: dict[Gear, tuple[ReducedCycle, ...]] = field(default_factory=dict, init=False, repr=False)
 
     def with_safety_factor(self, factor: float) -> ReducedLoads:
-        """The loads times a safety factor; computed once for each factor."""
+        """The loads with a safety factor; computed once for each factor."""
         if factor == 1.0:
             return self
         if factor not in self._scaled:
-            scaled = tuple(cycle.scaled(factor) for cycle in self.cycles)
+            scaled = tuple(cycle.with_safety_factor(factor) for cycle in self.cycles)
             self._scaled[factor] = ReducedLoads(axis=self.axis, cycles=scaled)
         return self._scaled[factor]
 
@@ -265,8 +271,7 @@ def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> Reduc
     """
     torque = np.ascontiguousarray(cycle.torque[:, number])
     speed = cycle.speed[:, number]
-    speed = np.where(np.abs(speed) <= STANDSTILL, 0.0, speed)
-    drives = torque * speed >= 0.0
+    drives = motoring(torque, speed)
     columns = (
         np.where(drives, torque, 0.0),
         np.where(drives, 0.0, torque),

@@ -20,6 +20,7 @@ from bellcrank.sizing.selection.criteria import (
     Criterion,
     LimitCriterion,
     alternatives,
+    exceeds,
     figure,
 )
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
@@ -50,6 +51,7 @@ class MotorSpeed(LimitCriterion):
     """The largest speed of the shaft under the permitted one."""
 
     name = "motor speed"
+    of_ratings = True
     formula = "N max |q̇| ≤ n_max"
     source = _MAXON
     needs = (("motor.max_speed", "gear.ratio"),)
@@ -74,6 +76,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
     """The root mean square of the shaft torque under the continuous (S1) torque at the mean speed."""
 
     name = "continuous torque"
+    of_ratings = True
     formula = "√(1/t ∫ T² dt) ≤ T_S1(mean |ω|), T = τ/(N η) or τ η_b/N, + (J_rotor + J_gear) N q̈"
     source = f"{_YASKAWA} (T_rms ≤ rated torque); {_MAXON} (at mean speed)"
     needs = alternatives(SHAFT, (("motor.nominal_torque", "motor.nominal_speed"), ("motor.continuous_curve",))) + (
@@ -89,7 +92,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
 
     def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
         """RMS of the bound of the shaft torque in `shaft_loads.least_coefficients`."""
-        return root_mean_square(least_coefficients(pairs, electrical=False), cycle.aligned)
+        return root_mean_square(least_coefficients(pairs, cycle, electrical=False), cycle.aligned)
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Continuous torque at the mean speed."""
@@ -104,7 +107,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
         load = f"RMS torque {figure(demand)} N m"
         if math.isnan(demand):
             least = float(self.least_demand(pair, cycle)[0])
-            shown = bool(self.cycle_use(pair, cycle, conditions)[0] > 1.0)
+            shown = bool(exceeds(self.cycle_use(pair, cycle, conditions)[0]))
             bound = f"RMS torque at least {figure(least)} N m, {AT_LEAST},"
             load = bound if shown else "RMS torque unknown: " + self.missing(pair)
         limit = "unknown" if math.isnan(speed) else continuous_torque_text(motor, speed, conditions)
@@ -115,6 +118,7 @@ class PeakTorque(LimitCriterion):
     """The largest shaft torque under the peak torque; not judged where only a peak current is stated."""
 
     name = "peak torque"
+    of_ratings = True
     formula = "max |T| ≤ T_peak"
     source = f"{_YASKAWA} (instantaneous peak torque)"
     needs = alternatives(SHAFT, (("motor.peak_torque",), ("motor.peak_current", *TORQUE_CONSTANT[0])))
@@ -133,7 +137,7 @@ class PeakTorque(LimitCriterion):
 
     def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
         """Largest bound of the shaft torque in `shaft_loads.least_coefficients`."""
-        return largest(least_coefficients(pairs, electrical=False), cycle.aligned)
+        return largest(least_coefficients(pairs, cycle, electrical=False), cycle.aligned)
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The motor's `peak_torque`."""
@@ -165,7 +169,7 @@ class PeakCurrent(LimitCriterion):
 
     def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
         """Largest bound of the electrical torque in `shaft_loads.least_coefficients`."""
-        return largest(least_coefficients(pairs, electrical=True), cycle.aligned)
+        return largest(least_coefficients(pairs, cycle, electrical=True), cycle.aligned)
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest shaft torque and the largest friction at once."""
@@ -205,7 +209,7 @@ class VoltageLimit(Criterion):
         rows = np.nonzero(np.isnan(use))[0]
         if len(rows):
             least = self._least_use(pairs.take(rows), cycle, conditions)
-            use[rows] = np.where(least > 1.0, least, np.nan)
+            use[rows] = np.where(exceeds(least), least, np.nan)
         return use
 
     def _least_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
@@ -214,7 +218,7 @@ class VoltageLimit(Criterion):
         for limit in pairs.products.short_time_limits(conditions):
             if limit.name == "voltage limit":
                 torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
-                factors = torque[:, None] * least_coefficients(pairs, electrical=limit.basis == "electrical")
+                factors = torque[:, None] * least_coefficients(pairs, cycle, electrical=limit.basis == "electrical")
                 found = np.fmax(found, largest(factors + speed_coefficients(pairs, speed), cycle.aligned))
         return found
 

@@ -54,20 +54,19 @@ def motors_figure(selection: Selection) -> Figure:
 
 
 def actuator_of(selection: Selection, one: AxisSelection) -> MotorWithGear:
-    """The actuator that was chosen for an axis, under the selection's conditions."""
+    """The actuator that was chosen for an axis, under the conditions of the axis."""
     assert one.chosen is not None
-    return Actuator.of(one.chosen.motor, one.chosen.gear, selection.conditions)
+    return Actuator.of(one.chosen.motor, one.chosen.gear, one.conditions)
 
 
 def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None:
     """One axis's plane."""
     actuator = actuator_of(selection, one)
-    factor = selection.conditions.safety_factor
+    factor = one.conditions.safety_factor
     reach = np.zeros(2)
     for number, cycle in enumerate(selection.cycles):
-        load = factor * cycle.torque[:, k]
         speed = actuator.ratio * cycle.speed[:, k]
-        torque = actuator.shaft_torque(load, cycle.speed[:, k], cycle.acceleration[:, k])
+        torque = factor * actuator.shaft_torque(cycle.torque[:, k], cycle.speed[:, k], cycle.acceleration[:, k])
         if not np.isfinite(torque).all():
             continue
         reach = np.maximum(reach, [np.abs(speed).max(), np.abs(torque).max()])
@@ -90,7 +89,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     for line in (axis.axhline, axis.axvline):
         line(0.0, color="0.6", linewidth=0.7, zorder=0)
     axis.set_xlabel("motor speed [rpm]")
-    axis.set_ylabel(f"motor torque{f', load × {factor:g}' if factor != 1.0 else ''} [N m]")
+    axis.set_ylabel(f"motor torque{f' × {factor:g}' if factor != 1.0 else ''} [N m]")
     unknown = "\ntorque unknown" if actuator.unknown_of_torque else ""
     assert one.chosen is not None
     axis.set_title(literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")

@@ -27,6 +27,7 @@ class InertiaRatio(Note):
     """Inertia of load and gear over that of the rotor, both at the shaft: makers' guidance, not a law of physics."""
 
     name = "inertia ratio"
+    of_ratings = True
     formula = "(J_load / N² + J_gear) / J_rotor"
     source = "makers' guidance, such as Mitsubishi, MELSERVO J2S manual (3 at a high duty, 5 at a medium one)"
     needs = (("gear.ratio", "gear.inertia", "motor.rotor_inertia"),)

@@ -43,7 +43,7 @@ class ShaftModel:
         back_efficiency: η_b, while the load gives power back; None: as the curve of efficiency says.
         efficiency_curve: Points (k, 2) of output torque, N m (N), and efficiency; None: the efficiency is constant.
         inertia: J_rotor + J_gear, kg m².
-        safety_factor: On the axis torque.
+        safety_factor: On the torque at the motor shaft.
         left_out: What is not stated and taken as ideal (efficiency 1, inertia 0): "gear efficiency", "rotor inertia",
             "gear inertia". Where there is any, the torque at the shaft is not known.
     """
@@ -109,7 +109,7 @@ def pair_details(selection: Selection, axis: AxisSelection, candidates: Sequence
     """
     if not candidates:
         return ()
-    conditions = selection.conditions
+    conditions = axis.conditions
     motors = [conditions.completed(one.motor) for one in candidates]
     gears = [conditions.completed(one.gear) for one in candidates]
     trains, left_out = _ideal_where_unknown(motors, gears)
@@ -180,9 +180,10 @@ def _cycles(
     cycle: LoadCycle, column: int, trains: PowerTrains, incomplete: Sequence[bool], conditions: Conditions
 ) -> list[ShaftCycle]:
     """One cycle of every pair."""
-    torque = conditions.safety_factor * cycle.torque[:, column]
+    factor = conditions.safety_factor
     with np.errstate(invalid="ignore"):
-        load = trains[:, None].load(torque, cycle.speed[:, column], cycle.acceleration[:, column])
+        load = trains[:, None].load(cycle.torque[:, column], cycle.speed[:, column], cycle.acceleration[:, column])
+    load = replace(load, torque=factor * load.torque, copper_loss=factor**2 * load.copper_loss)
     mean_speed = np.abs(load.speed) @ cycle.weight / cycle.duration
     rms = np.sqrt(load.torque**2 @ cycle.weight / cycle.duration)
     time, winding, housing, runaway = _temperatures(cycle, trains.motors, load, conditions)

@@ -20,6 +20,7 @@ from bellcrank.cached_values import cached_property
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Value = TypeVar("Value")
+MOST_KEPT = 32  # limits of all motors that are kept: two functions under the conditions of 16 axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +38,7 @@ class Products:
     gears: tuple[Gear, ...]
     motor_arrays: MotorArrays
     gear_arrays: GearArrays
-    _kept: dict[str, tuple[Conditions, Any]] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[tuple[str, Conditions], Any] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, motors: Sequence[Motor], gears: Sequence[Gear]) -> Products:
@@ -60,10 +61,12 @@ class Products:
         return curves
 
     def _once(self, function: Callable[[MotorArrays, Conditions], Any], conditions: Conditions) -> Any:
-        kept = self._kept.get(function.__name__)
-        if kept is None or kept[0] != conditions:
-            kept = self._kept[function.__name__] = (conditions, function(self.motor_arrays, conditions))
-        return kept[1]
+        key = (function.__name__, conditions)
+        if key not in self._kept:
+            if len(self._kept) >= MOST_KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[key] = function(self.motor_arrays, conditions)
+        return self._kept[key]
 
 
 class _Selected:

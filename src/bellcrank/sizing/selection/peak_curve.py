@@ -11,7 +11,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.product_arrays import Curves
 from bellcrank.actuators.short_time_limits import peak_curve_use
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives
+from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
@@ -28,6 +28,7 @@ class PeakCurve(Criterion):
     """Every sample under the curve of short-time operation that the maker prints; a note where there is none."""
 
     name = "peak curve"
+    of_ratings = True
     formula = "every (ω, T) inside the printed curve, measured along the ray from the origin"
     source = "the motor's data sheet"
     needs = alternatives(SHAFT, (("motor.peak_curve",),))
@@ -58,12 +59,12 @@ class PeakCurve(Criterion):
         for start in range(0, len(unknown), step):
             rows = unknown[start : start + step]
             least = self._least_use(pairs.take(rows), cycle, conditions)
-            use[rows] = np.where(least > 1.0, least, np.nan)
+            use[rows] = np.where(exceeds(least), least, np.nan)
         return use
 
     def _least_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest use (m,) at the torques of `least_coefficients`: a point above the curve stays so at a larger one."""
-        torque = least_coefficients(pairs, electrical=False) @ cycle.aligned.features.T
+        torque = least_coefficients(pairs, cycle, electrical=False) @ cycle.aligned.features.T
         speed = pairs.of_gear("ratio")[:, None] * cycle.aligned.speed
         return np.asarray(np.max(peak_curve_use(pairs.motors[:, None], conditions, torque, speed), axis=1))
 
@@ -82,7 +83,8 @@ class PeakCurve(Criterion):
         if math.isnan(use):
             return self.missing(pair)
         unknown = math.isnan(float(shaft_coefficients(pair, cycle).sum()))
-        return f"{'at least ' if unknown else ''}{use:.1%} of the printed curve in '{cycle.name}'"
+        curve = "torque-speed curve" if pair.rows(0)[0].by_ratings else "printed curve"
+        return f"{'at least ' if unknown else ''}{use:.1%} of the {curve} in '{cycle.name}'"
 
 
 class Sides(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, alternatives
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, alternatives, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
@@ -112,7 +112,7 @@ def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array
     maybe = sure | (np.isnan(continuous) & (torque > 0.0))
     most = np.where(maybe.any(axis=1), _share(_longest(maybe, cycle), pairs), 0.0)
     least = np.where(sure.any(axis=1), _share(_longest(sure, cycle), pairs), 0.0)
-    return np.where((most <= 1.0) | (least == most), most, np.where(least > 1.0, least, np.nan))
+    return np.where((most <= 1.0) | (least == most), most, np.where(exceeds(least), least, np.nan))
 
 
 def _continuous_torque_at(

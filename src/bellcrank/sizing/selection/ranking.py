@@ -73,7 +73,7 @@ def order_of(keys: RankKeys) -> Indices:
 
 def failing_order(keys: RankKeys) -> Indices:
     """Row numbers of failing pairs, the nearest to the limits first."""
-    return np.lexsort((keys[:, 4], keys[:, 3], keys[:, 5], keys[:, 0]))
+    return np.lexsort((keys[:, 4], keys[:, 3], keys[:, 5]))
 
 
 def as_key(row: Iterable[int]) -> RankKey:

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
 
 from bellcrank import arguments
+from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
+from bellcrank.actuators.gear import DIRECT
 from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
+from bellcrank.messages import unknown_name
 from bellcrank.motion.duty_program import checked_duty
 from bellcrank.robot.payload import Payload
+from bellcrank.sizing.axis_conditions import conditions_of
 from bellcrank.sizing.massless_motors import massless_motors
 from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.selection.axis_loads import Axis, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.selection.axis_pairs import axis_pairs, check_prices
+from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose
+from bellcrank.sizing.selection.joint_problem import Choice
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
 from bellcrank.sizing.selection.selection_of import selection_of
@@ -44,7 +50,7 @@ def select(
     catalogue: Catalogue | str | Path | Sequence[str | Path] | None = None,
     objective: Objective = "mass",
     *,
-    conditions: Conditions | None = None,
+    conditions: Conditions | Mapping[str, Any] | None = None,
     duty: Sequence[Any] | None = None,
     keep: Mapping[str, str] | None = None,
     exclude: Iterable[str] = (),
@@ -77,7 +83,9 @@ def select(
         catalogue: The products to choose from, or folders and files of products besides those that come with bellcrank;
             by default the latter, and those of the robot configuration's key `catalogue`.
         objective: "mass", "cost" or "loss" (least total), or "margin" (least largest utilisation).
-        conditions: Supply, surroundings and safety.
+        conditions: Supply, surroundings and safety, as Conditions or a mapping such as {"voltage": 48.0}. The fields
+            that are given replace those of the robot configuration: of an axis (`actuators.NAME`), else of the robot
+            (`conditions`).
         duty: The cycle: names of motions, and mappings such as {"motion": "pick", "repeat": 3} and {"pause": 2.0}; by
             default that of the robot configuration, else each motion is a cycle that repeats.
         keep: Pairs that are given, by the name of the axis: the ids "motor+gear", or "motor" with any gear.
@@ -110,29 +118,37 @@ def select(
         True
     """
     objective = cast(Objective, arguments.one_of("objective", objective, get_args(Objective)))
-    if conditions is not None:
-        arguments.instance("conditions", conditions, Conditions, "Conditions")
     feedback = arguments.flag("feedback", feedback)
     candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
     if effort is not None:
         effort = arguments.whole("effort", effort, least=0)
-    conditions = conditions or Conditions()
+    given = Conditions().updated(conditions)
     subject = sizing_subject(robot, motions, payloads, trust, overrides=overrides)
     own = None if subject.config is None else subject.config.catalogue
     products = _products(own if catalogue is None else catalogue, makers, exclude)
     _refuse_massless(subject, allow_massless)
-    given = _given(subject.config, duty, transmissions, mounts)
-    loads = axis_loads(subject.mechanism, subject.motions, *given)
-    completed = _completed(products, conditions)
-    pairs = axis_pairs(loads.axes, completed, _kept(keep))
+    kept = _kept(keep)
+    cycle_and_axes = _cycle_and_axes(subject.config, duty, transmissions, mounts)
+
+    def loads_of(drives: Mapping[str, Actuator]) -> AxisLoads:
+        return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives)
+
+    loads = loads_of(_kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)))
+    common = conditions_of(subject.config, None, given)
+    of_axes = [conditions_of(subject.config, axis.name, given) for axis in loads.axes]
+    _check_momentary_loads(common, loads.axes)
+    pairs = axis_pairs(loads.axes, _completed(products, of_axes), kept)
     check_prices(pairs, objective)
     if effort is None:
         effort = EFFORT if sum(len(one.pairs) for one in pairs) <= MANY_PAIRS else EFFORT_OF_MANY_PAIRS
     with counting("select", " pairs") as bar:
-        problem = JudgedAxes(loads, pairs, conditions, objective, feedback, lambda done: bar(done, done))
-        selection = selection_of(problem, choose(problem, effort), candidates, effort)
+        problem = JudgedAxes(loads, pairs, of_axes, common, objective, feedback, lambda done: bar(done, done))
+        chosen = choose(problem, effort)
+        drives = _chosen_drives(problem, chosen.choice)
+        final = problem if set(drives) <= set(kept) else replace(problem, loads=loads_of(drives))
+        selection = selection_of(problem, final, chosen, candidates, effort)
     robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
-    warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, conditions)]
+    warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, pairs, of_axes)]
     return replace(
         selection,
         robot=robot_name,
@@ -168,7 +184,7 @@ def _kept(given: Mapping[str, str] | None) -> dict[str, str]:
     return kept
 
 
-def _given(
+def _cycle_and_axes(
     config: RobotConfig | None,
     duty: Sequence[Any] | None,
     transmissions: Iterable[CoupledTransmission] | None,
@@ -190,6 +206,30 @@ def _given(
     return checked_duty(duty), tuple(transmissions or ()), mounts
 
 
+def _kept_drives(
+    kept: Mapping[str, str], products: Catalogue, conditions: Callable[[str], Conditions]
+) -> dict[str, Actuator]:
+    """The actuators of the axes whose motor and gear are both given; wrong ids are refused elsewhere."""
+    motors, gears = ({row.id: row for row in rows} for rows in (products.motors, products.gears))
+    found: dict[str, Actuator] = {}
+    for axis, ids in kept.items():
+        motor, plus, gear = (part.strip() for part in ids.partition("+"))
+        whole = motor in motors and not plus and motors[motor].kind == "actuator"
+        if whole or (motor in motors and (gear in gears or gear == DIRECT.id)):
+            found[axis] = Actuator.of(motors[motor], gears.get(gear), conditions(axis))
+    return found
+
+
+def _chosen_drives(problem: JudgedAxes, choice: Choice) -> dict[str, Actuator]:
+    """The actuators of the axes for which something was chosen, by the name of the axis."""
+    found = {}
+    for one, pair, conditions in zip(problem.axes, choice, problem.conditions, strict=True):
+        if pair is not None:
+            motor, gear = one.pairs.rows(pair)
+            found[one.axis.name] = Actuator.of(motor, gear, conditions)
+    return found
+
+
 def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
     """Refuse motors that move no mass: any actuator would seem to do (InputError)."""
     links = arguments.several("allow_massless", allowed, str, "names of links", alone=True)
@@ -198,24 +238,38 @@ def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
         raise InputError(f"selection for {subject.mechanism.robot.name}: {text}")
 
 
-def _completed(catalogue: Catalogue, conditions: Conditions) -> Catalogue:
-    """The products with the assumed values where they state none."""
-    if not conditions.assumed:
-        return catalogue
-    return Catalogue(
-        tuple(conditions.completed(row) for row in catalogue.motors),
-        tuple(conditions.completed(row) for row in catalogue.gears),
-    )
+def _check_momentary_loads(conditions: Conditions, axes: Sequence[Axis]) -> None:
+    """Refuse momentary loads of an axis that there is not (InputError)."""
+    names = [axis.name for axis in axes]
+    for name in dict(conditions.momentary_loads):
+        if name not in names:
+            raise InputError(f"conditions: momentary_loads: {unknown_name('axis', name, names)}")
 
 
-def _assumed_notes(catalogue: Catalogue, conditions: Conditions) -> list[str]:
-    """A sentence for each assumed value, with the number of products that it is taken for."""
+def _completed(catalogue: Catalogue, conditions: Sequence[Conditions]) -> list[Catalogue]:
+    """The products with the values that are assumed of each axis, where they state none."""
+    found: dict[Any, Catalogue] = {(): catalogue}
+    for one in conditions:
+        if one.assume not in found:
+            motors = tuple(one.completed(row) for row in catalogue.motors)
+            found[one.assume] = Catalogue(motors, tuple(one.completed(row) for row in catalogue.gears))
+    return [found[one.assume] for one in conditions]
+
+
+def _assumed_notes(catalogue: Catalogue, axes: Sequence[AxisPairs], conditions: Sequence[Conditions]) -> list[str]:
+    """A sentence for each assumed value, with the number of products that it is taken for, and for which axes."""
+    names: dict[tuple[str, float], list[str]] = {}
+    for axis, one in zip(axes, conditions, strict=True):
+        for pair in dict(one.assume).items():
+            names.setdefault(pair, []).append(axis.axis.name)
     notes = []
-    for name, value in dict(conditions.assumed).items():
+    for (name, value), of in names.items():
         room, _, field = name.partition(".")
         rows = catalogue.motors if room == "motor" else catalogue.gears
-        count = sum(field in dict(conditions.filled(row)) for row in rows)
-        notes.append(f"{name} = {value:g} is assumed for {count} of {len(rows)} {room}s, which do not state it")
+        one = Conditions(assume={name: value})
+        count = sum(field in dict(one.filled(row)) for row in rows)
+        where = "" if len(of) == len(axes) else f" at {', '.join(of)}"
+        notes.append(f"{name} = {value:g} is assumed for {count} of {len(rows)} {room}s{where}, which do not state it")
     return notes
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
@@ -49,6 +49,10 @@ class CriterionResult:
     verdict: Verdict
     text: str
     estimate: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The criterion as JSON holds it."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +102,7 @@ class AxisSelection:
 
     Attributes:
         axis: The axis.
+        conditions: What was assumed of this axis; `sources` says where it comes from.
         chosen: What was chosen; None where nothing in the catalogue can drive the axis.
         candidates: The chosen pair and the best others, ranked under the masses of the actuators chosen for the other
             axes; where few pass, the failing ones nearest to the limits come last.
@@ -115,6 +120,7 @@ class AxisSelection:
     advice: str = ""
     unknown_masses: tuple[str, ...] = ()
     kept: bool = False
+    conditions: Conditions = field(default_factory=Conditions)
 
 
 class ParetoPoint(NamedTuple):
@@ -157,7 +163,7 @@ class Selection(Portable):
         objective: What was minimised: "mass", "cost", "loss"; "margin": the largest utilisation.
         axes: The selection of each axis.
         cycles: The load cycles with the chosen actuators' masses.
-        conditions: What was assumed.
+        conditions: What was assumed of the whole robot; `axes` have their own.
         system: Criteria of all axes together: supply power, regenerated energy.
         iterations: What each pass of the feedback of masses chose: the ids of the pairs by axis, "" for none. The first
             pass is without the actuators' masses.
@@ -364,6 +370,13 @@ class Selection(Portable):
         return all(one.chosen is not None and one.chosen.tier != "fails" for one in self.axes) and all(
             result.verdict != "exceeded" for result in self.system
         )
+
+    @property
+    def verified(self) -> bool:
+        """Whether `inside` holds and no main criterion of a chosen pair is unknown: no motor may be far too weak."""
+        from bellcrank.sizing.selection.tables import maybe_too_weak
+
+        return self.inside and not maybe_too_weak(self)
 
     @property
     def shown(self) -> bool:

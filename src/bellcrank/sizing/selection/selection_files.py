@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from bellcrank.actuators.conditions import BY_NAME, Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_fields import product_data
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.access import read_text
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Selection
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 RESULTS = ("selection.csv", "selection.json")
 PICTURES = ("motors.png", "utilisation.png", "pareto.png")
@@ -79,7 +80,6 @@ def csv_text(selection: Selection) -> str:
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
     """The text of selection.json: the whole selection in SI units, with null for what is unknown."""
-    conditions = {**vars(selection.conditions), "assumed": dict(selection.conditions.assumed)}
     document = {
         "robot": selection.robot,
         "objective": selection.objective,
@@ -90,17 +90,22 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "loss": selection.loss,
         "cost": selection.cost,
         "warnings": list(selection.warnings),
-        "conditions": conditions,
+        "conditions": _conditions(selection.conditions),
         "units": UNITS,
         "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],
         "axes": [_axis(selection, one) for one in selection.axes],
-        "system": [_criterion(one) for one in selection.system],
+        "system": [one.as_dict() for one in selection.system],
         "iterations": [list(one) for one in selection.iterations],
         "proof": selection.proof,
         "pareto": [one._asdict() for one in selection.pareto],
         "pareto_proof": selection.pareto_proof,
     }
     return json_files.json_text(document)
+
+
+def _conditions(conditions: Conditions) -> dict[str, Any]:
+    """All conditions, and where those that are stated come from."""
+    return {**vars(conditions), **{name: dict(getattr(conditions, name)) for name in (*BY_NAME, "sources")}}
 
 
 def _criterion_names(selection: Selection) -> list[str]:
@@ -154,6 +159,7 @@ def _axis(selection: Selection, one: AxisSelection) -> dict[str, Any]:
         "joints": list(one.axis.joints),
         "mount": one.axis.mount,
         "kept": one.kept,
+        "conditions": _conditions(one.conditions),
         "chosen": one.chosen and one.chosen.id,
         "counts": dict(one.counts),
         "advice": one.advice,
@@ -175,12 +181,8 @@ def _candidate(one: Candidate, motor: Motor, gear: Gear) -> dict[str, Any]:
         "cost": one.cost,
         "loss": one.loss,
         "fit": one.fit,
-        "criteria": [_criterion(each) for each in one.criteria],
+        "criteria": [each.as_dict() for each in one.criteria],
     }
-
-
-def _criterion(one: CriterionResult) -> dict[str, Any]:
-    return {"name": one.name, "use": one.use, "verdict": one.verdict, "text": one.text, "estimate": one.estimate}
 
 
 def _cycle(selection: Selection, number: int) -> dict[str, Any]:

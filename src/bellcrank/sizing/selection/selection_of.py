@@ -11,18 +11,20 @@ from bellcrank.sizing.selection.pareto_search import pareto_front
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 
 
-def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: int) -> Selection:
+def selection_of(problem: JudgedAxes, final: JudgedAxes, chosen: Chosen, candidates: int, effort: int) -> Selection:
     """The result, without the names of the robot and its inputs.
 
     Args:
         problem: The pairs.
+        final: The same pairs under loads that are sampled at the largest uses of what was chosen too, as when these
+            actuators are given.
         chosen: What was chosen.
         candidates: How many pairs to list of each axis.
         effort: How many pairs may be judged for an exact Pareto front.
     """
     masses = masses_of(problem, chosen.choice)
     axes = tuple(
-        advice_for(problem, axis, masses, axis_selection(problem, axis, pair, masses, candidates))
+        advice_for(problem, axis, masses, axis_selection(problem, final, axis, pair, masses, candidates))
         for axis, pair in enumerate(chosen.choice)
     )
     points, proof = pareto_front(problem, chosen.choice, effort)
@@ -30,9 +32,9 @@ def selection_of(problem: JudgedAxes, chosen: Chosen, candidates: int, effort: i
         robot="",
         objective=problem.objective,
         axes=axes,
-        cycles=problem.cycles(masses),
-        conditions=problem.conditions,
-        system=system_results(problem, chosen.choice),
+        cycles=final.cycles(masses),
+        conditions=problem.common,
+        system=system_results(final, chosen.choice),
         iterations=tuple(labels(problem, choice) for choice in chosen.passes),
         proof=chosen.proof,
         pareto=points,
@@ -70,7 +72,7 @@ def _mass_notes(problem: JudgedAxes, axes: tuple[AxisSelection, ...]) -> list[st
         notes.append(
             f"the masses of the actuators at {_names(unknown)} are not stated, so the loads of {_names(loaded)} are "
             "not known: criteria that depend on them are unknown, or exceeded without these masses already; "
-            "exclude products without a mass, assume a mass (conditions.assumed), or, where the URDF contains the "
+            "exclude products without a mass, assume a mass (conditions.assume), or, where the URDF contains the "
             "actuators' masses, switch the feedback off"
         )
     points = []

@@ -24,19 +24,20 @@ def electrical_coefficients(pairs: Pairs, cycle: ReducedCycle) -> Array:
 
 
 def coefficients(pairs: Pairs, cycle: ReducedCycle, *, electrical: bool) -> Array:
-    """Factors (m, 5) of the cycle's features; see `PowerTrains.electrical_coefficients`."""
+    """Factors (m, 5) of the cycle's features, times its safety factor; see `PowerTrains.electrical_coefficients`."""
     factors = pairs.coefficients
-    if not electrical or cycle.includes_gear:
-        factors = factors.copy()
+    if not electrical or cycle.includes_gear or cycle.safety_factor != 1.0:
+        factors = cycle.safety_factor * factors
     if not electrical:
         factors[:, 3:] = 0.0
     if cycle.includes_gear:
-        factors[:, :2] = 1.0 / pairs.of_gear("ratio")[:, None]
+        factors[:, :2] = cycle.safety_factor / pairs.of_gear("ratio")[:, None]
     return factors
 
 
-def least_coefficients(pairs: Pairs, *, electrical: bool) -> Array:
-    """Factors (m, 5) of the features of `ReducedCycle.aligned` whose sum is a lower bound of each pair's torque.
+def least_coefficients(pairs: Pairs, cycle: ReducedCycle, *, electrical: bool) -> Array:
+    """Factors (m, 5) of the features of `ReducedCycle.aligned` whose sum is a lower bound of each pair's torque, times
+    the cycle's safety factor.
 
     Where the motor drives and the load's torque τ has the sign of q̈, the parts of the torque,
 
@@ -57,7 +58,7 @@ def least_coefficients(pairs: Pairs, *, electrical: bool) -> Array:
     if electrical:
         factors[:, DIRECTION] = np.nan_to_num(pairs.of_motor("coulomb_torque"))
         factors[:, SPEED] = np.nan_to_num(pairs.of_motor("viscous_coefficient")) * ratio
-    return factors
+    return cycle.safety_factor * factors
 
 
 def speed_coefficients(pairs: Pairs, per_speed: Array | float = 1.0) -> Array:
@@ -84,7 +85,7 @@ def bound_of_electrical_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """A bound (m,) of |T_e|, N m: the largest shaft torque and the friction at the largest speed, at once."""
     fastest = pairs.of_gear("ratio") * cycle.max_speed
     friction = pairs.of_motor("coulomb_torque") + pairs.of_motor("viscous_coefficient") * fastest
-    return largest_shaft_torque(pairs, cycle) + friction
+    return largest_shaft_torque(pairs, cycle) + cycle.safety_factor * friction
 
 
 def largest_signed(torque: Array, speed: Array, cycle: ReducedCycle) -> Array:

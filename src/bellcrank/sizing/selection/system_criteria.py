@@ -17,7 +17,7 @@ import numpy as np
 from bellcrank.actuators import electrical
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import REFERENCE
-from bellcrank.sizing.selection.criteria import Array, cycles_of
+from bellcrank.sizing.selection.criteria import Array, cycles_of, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.selection import CriterionResult, Verdict
@@ -112,7 +112,7 @@ def _regeneration(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditio
     without = ", without a capacitor (its capacitance or voltages are not given)" if math.isnan(capacity) else ""
     text = f"{text}; the brake resistor takes {overflow:.4g} W of {resistor:.4g} W on average{without}"
     use = 0.0 if overflow == 0.0 else overflow / resistor if resistor > 0.0 else math.inf
-    if math.isnan(capacity) and use > 1.0:
+    if math.isnan(capacity) and exceeds(use):
         return CriterionResult(name=REGENERATION, use=None, verdict="unknown", text=text)
     return _judged(REGENERATION, use, text)
 
@@ -201,7 +201,7 @@ def _repeated(part: list[float], passes: int, capacity: float) -> _Store:
 
 
 def _judged(name: str, use: float, text: str) -> CriterionResult:
-    verdict: Verdict = "exceeded" if use > 1.0 else "inside"
+    verdict: Verdict = "exceeded" if exceeds(use) else "inside"
     return CriterionResult(name=name, use=use, verdict=verdict, text=text)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Mapping
 from html import escape
 
-from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
+from bellcrank.actuators.conditions import Conditions, entries
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
@@ -56,7 +58,7 @@ def verdict(selection: Selection) -> str:
     weak = maybe_too_weak(selection)
     if weak:
         motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
-        lines.append(f"NOT SHOWN: {motors} may be far too weak or too slow")
+        lines.append(f"Not verified: {motors} may be far too weak or too slow")
         lines += [wrapped(text, "  - ", "    ") for text in weak]
     if selection.inside:
         lines.append(wrapped(_kept(selection)))
@@ -105,23 +107,47 @@ def system_rows(selection: Selection) -> TableContent:
     return TableContent(["criterion", "use", "verdict"], rows)
 
 
-def selected_for(conditions: Conditions) -> list[tuple[str, str]]:
-    """(name, value) of what a selection assumes beside the loads."""
-    bus = "the nominal voltage of each motor" if conditions.voltage is None else f"{conditions.voltage:g} V"
-    rows = [
-        ("voltage", f"{bus} less {conditions.voltage_reserve:.0%}"),
-        ("ambient", f"{conditions.ambient:g} °C"),
+def selected_for(common: Conditions, of_axes: Mapping[str, Conditions] | None = None) -> list[tuple[str, str]]:
+    """(name, value) of voltage, ambient temperature and the other conditions that are stated, each with its source.
+
+    The conditions of axes, by name, follow where they are not those of the whole robot.
+    """
+    reserve = condition_text(common, "voltage_reserve")
+    rows = [("voltage", f"{condition_text(common, 'voltage')} less {reserve}")]
+    rows.append(("ambient", condition_text(common, "ambient")))
+    shown = ("voltage", "voltage_reserve", "ambient")
+    rows += [(_label(name), condition_text(common, name)) for name in common.sources if name not in shown]
+    own: dict[tuple[str, str], list[str]] = {}
+    for axis, conditions in (of_axes or {}).items():
+        for name in entries(conditions, OF_AN_AXIS):
+            text = condition_text(conditions, name, source=False)
+            if text != condition_text(common, name, source=False):
+                own.setdefault((_label(name), text), []).append(axis)
+    return rows + [
+        (label, f"{text} ({', '.join(f'actuators.{name}' for name in names)})") for (label, text), names in own.items()
     ]
-    if conditions.altitude:
-        rows.append(("altitude", f"{conditions.altitude:g} m"))
-    if conditions.safety_factor != 1.0:
-        rows.append(("safety factor", f"{conditions.safety_factor:g}"))
-    if conditions.life is not None:
-        rows.append(("life", f"{conditions.life:g} h"))
-    if conditions.brake:
-        rows.append(("brake", "required"))
-    rows += [(f"assumed {name}", f"{value:g}") for name, value in dict(conditions.assumed).items()]
-    return rows
+
+
+def condition_text(conditions: Conditions, name: str, source: bool = True) -> str:
+    """The value of a condition with its unit and, in parentheses, its source; names are those of `sources`."""
+    field, _, entry = name.partition(".")
+    value = dict(getattr(conditions, field)).get(entry) if entry else getattr(conditions, field)
+    where = f" ({conditions.sources[name]})" if source and name in conditions.sources else ""
+    if value is None:
+        text = "the nominal voltage of each motor" if name == "voltage" else "none"
+    elif isinstance(value, bool):
+        text = "required" if value else "not required"
+    else:
+        text = f"{100.0 * value:g}%" if name == "voltage_reserve" else f"{value:g} {UNITS.get(name, '')}".strip()
+    return text + where
+
+
+def _label(name: str) -> str:
+    """How tables call a condition."""
+    field, _, entry = name.partition(".")
+    return {"assume": f"assumed {entry}", "momentary_loads": f"momentary load of {entry}"}.get(
+        field, field.replace("_", " ")
+    )
 
 
 def figure(value: float | None) -> str:
@@ -226,7 +252,8 @@ def _heading(selection: Selection) -> str:
 
 
 def _about(selection: Selection) -> str:
-    conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions))
+    of_axes = {one.axis.name: one.conditions for one in selection.axes}
+    conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions, of_axes))
     cycles = ", ".join(cycle.name for cycle in selection.cycles)
     masses = f"masses of motors and gears {'added to' if selection.feedback else 'not added to'} the robot's"
     return f"{selection.robot}, {AIMS[selection.objective]}, over {cycles}; {conditions}; {masses}"

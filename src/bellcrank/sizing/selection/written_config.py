@@ -15,6 +15,7 @@ import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.condition_fields import ROBOT_WIDE, condition_data
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
@@ -73,8 +74,11 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
     folder = path.resolve().parent
     data = _original(config, folder)
     payloads, notes = _payloads(selection, config)
+    data.pop(ROBOT_WIDE, None)
+    if common := condition_data(selection.conditions):
+        data[ROBOT_WIDE] = common
     data["actuators"] = {
-        one.axis.name: actuator_data(Actuator.of(*selection.stated(one.chosen), selection.conditions))
+        one.axis.name: actuator_data(Actuator.of(*selection.stated(one.chosen), one.conditions), selection.conditions)
         for one in selection.axes
         if one.chosen is not None
     }
@@ -176,7 +180,8 @@ def _mounts(selection: Selection) -> dict[str, dict[str, Any]]:
 
 def _comments(selection: Selection) -> list[str]:
     """What was chosen and why, as lines of comments."""
-    conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions))
+    of_axes = {one.axis.name: one.conditions for one in selection.axes}
+    conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions, of_axes))
     lines = [f"Motors and gears chosen by bellcrank select for {selection.robot} ({selection.objective}); {conditions}"]
     for one in selection.axes:
         if (chosen := one.chosen) is None:
@@ -185,8 +190,8 @@ def _comments(selection: Selection) -> list[str]:
         for product in (chosen.motor, *(() if chosen.gear.kind == "direct" else (chosen.gear,))):
             lines.append(f"  {product.maker} {product.model} ({product.id}): {product.source or 'source not stated'}")
         motor, gear = selection.stated(chosen)
-        filled = [f"motor.{name} = {value:g}" for name, value in selection.conditions.filled(motor)]
-        filled += [f"gear.{name} = {value:g}" for name, value in selection.conditions.filled(gear)]
+        filled = [f"motor.{name} = {value:g}" for name, value in one.conditions.filled(motor)]
+        filled += [f"gear.{name} = {value:g}" for name, value in one.conditions.filled(gear)]
         lines += [f"  assumed: {', '.join(filled)}"] if filled else []
     return [f"# {one_line(line)}" for line in lines]
 

@@ -1,0 +1,278 @@
+"""What criteria say of given motors and gears: of each drive along its load cycles, and of all drives together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bellcrank import arguments
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.errors import InputError
+from bellcrank.files import json_files
+from bellcrank.messages import unknown_name
+from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.criteria import TOLERANCE
+from bellcrank.sizing.selection.judge import CRITERIA, NOTES
+from bellcrank.sizing.selection.judged_axes import MAIN
+from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
+from bellcrank.sizing.selection.pairs import Pairs, Products
+from bellcrank.sizing.selection.selection import CriterionResult
+from bellcrank.sizing.selection.system_criteria import judge_system
+
+if TYPE_CHECKING:
+    from bellcrank.actuators.coupled_transmission import CoupledTransmission
+    from bellcrank.actuators.mount import Mount
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.motion.duty_program import DutyStep
+    from bellcrank.motion.motion import Motion
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveVerdict:
+    """The criteria of the motor and gear of one axis along its load cycles.
+
+    Attributes:
+        axis: Name of the joint, or of the motor of a coupled transmission.
+        actuator: The motor and gear, or the ratings.
+        criteria: Each criterion and note, in words.
+    """
+
+    axis: str
+    actuator: Actuator
+    criteria: tuple[CriterionResult, ...]
+
+    @property
+    def judged(self) -> tuple[CriterionResult, ...]:
+        """The criteria that have a limit for this drive: those that are not notes."""
+        return tuple(one for one in self.criteria if one.verdict != "note")
+
+    @property
+    def margins(self) -> dict[str, float | None]:
+        """1 - use of each criterion that is judged; negative where exceeded, None where unknown."""
+        return {one.name: None if one.use is None else 1.0 - one.use for one in self.judged}
+
+    @property
+    def exceeded(self) -> tuple[CriterionResult, ...]:
+        """The criteria whose limit is exceeded."""
+        return tuple(one for one in self.criteria if one.verdict == "exceeded")
+
+    @property
+    def unknown(self) -> tuple[CriterionResult, ...]:
+        """The criteria of which something is not stated."""
+        return tuple(one for one in self.criteria if one.verdict == "unknown")
+
+    @property
+    def main_unknown(self) -> tuple[CriterionResult, ...]:
+        """Those unknown criteria without which the drive may be far too weak or too slow."""
+        return tuple(one for one in self.unknown if one.name in MAIN)
+
+    @property
+    def binding(self) -> CriterionResult | None:
+        """The criterion with the largest known use; None where none is known."""
+        return max((one for one in self.judged if one.use is not None), key=lambda one: one.use or 0.0, default=None)
+
+    @property
+    def state(self) -> str:
+        """ "inside", "exceeded", or "not known" where a criterion is unknown and none is exceeded."""
+        return "exceeded" if self.exceeded else "not known" if self.unknown else "inside"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveVerdicts:
+    """The verdicts on the motors and gears of a robot, made by `bellcrank.judge`.
+
+    `print` shows every criterion of each, and the verdict.
+
+    Attributes:
+        drives: Of each axis that has an actuator.
+        system: The criteria of all axes together, where every axis has an actuator.
+        robot: Name of the robot or robot configuration.
+        cycles: Names of the cycles along which they are judged.
+        axes_without: Names of the axes that have no actuator.
+        warnings: Sentences about what to look at.
+    """
+
+    drives: tuple[DriveVerdict, ...]
+    system: tuple[CriterionResult, ...] = ()
+    robot: str = ""
+    cycles: tuple[str, ...] = ()
+    axes_without: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"DriveVerdicts('{self.robot}', {', '.join(f'{one.axis}: {one.state}' for one in self.drives)})"
+
+    def __str__(self) -> str:
+        from bellcrank.sizing.verdict_tables import table, verdict
+
+        return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
+
+    def of(self, axis: str) -> DriveVerdict:
+        """The verdict on the drive of an axis.
+
+        Args:
+            axis: Name of the joint, or of the motor of a coupled transmission.
+
+        Returns:
+            Its DriveVerdict.
+
+        Raises:
+            InputError: For an unknown name, or an axis without an actuator.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.judge("geared_pendulum").of("shoulder").state
+            'inside'
+        """
+        for one in self.drives:
+            if one.axis == axis:
+                return one
+        names = [one.axis for one in self.drives]
+        raise InputError(f"verdicts on {self.robot}: {unknown_name('axis with an actuator', axis, names)}")
+
+    @property
+    def inside(self) -> bool:
+        """Whether no criterion is exceeded, as far as they are known."""
+        return not any(one.exceeded for one in self.drives) and all(one.verdict != "exceeded" for one in self.system)
+
+    @property
+    def verified(self) -> bool:
+        """Whether no criterion is exceeded, and no main criterion is unknown: no motor may be far too weak or slow."""
+        return self.inside and not any(one.main_unknown for one in self.drives)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The verdicts as JSON holds them."""
+        drives = [
+            {
+                "axis": one.axis,
+                "actuator": actuator_data(one.actuator),
+                "state": one.state,
+                "criteria": [each.as_dict() for each in one.criteria],
+            }
+            for one in self.drives
+        ]
+        return {
+            "robot": self.robot,
+            "cycles": list(self.cycles),
+            "inside": self.inside,
+            "verified": self.verified,
+            "drives": drives,
+            "system": [one.as_dict() for one in self.system],
+            "axes_without_actuator": list(self.axes_without),
+            "warnings": list(self.warnings),
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write judge.json: every criterion of every drive, uses as numbers, null where unknown or infinite.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InputError: Where the file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.judge("geared_pendulum").to_json("judge.json").name
+            'judge.json'
+        """
+        target = arguments.path("path", path, "the path of a file")
+        return json_files.write_json(target, self.as_dict(), ascii_only=True)
+
+
+def judge_drives(
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    drives: Mapping[str, Actuator],
+    *,
+    duty: Sequence[DutyStep] | None = None,
+    transmissions: Sequence[CoupledTransmission] = (),
+    mounts: Mapping[str, Mount] | None = None,
+    conditions: Conditions | None = None,
+    mass_tolerance: float = 0.0,
+) -> DriveVerdicts:
+    """Judge given drives along the cycles of a mechanism, by the criteria by which `bellcrank.select` chooses.
+
+    The masses are those that the robot has: those of the drives are part of its links and payloads.
+
+    Args:
+        mechanism: An open chain or a linkage.
+        motions: Motions of all of its joints.
+        drives: Actuators by the name of the axis: a joint, or the motor of a coupled transmission.
+        duty: The order of motions and pauses; None: each motion is a cycle that repeats.
+        transmissions: Coupled transmissions, whose motors are axes in place of their joints.
+        mounts: Where actuators are mounted.
+        conditions: The supply, bus and brake resistor of all axes together; by default each is unknown.
+        mass_tolerance: Share by which each link's mass and inertia may be off.
+
+    Returns:
+        The verdicts, in the order of the mechanism's axes.
+
+    Raises:
+        InputError: As `axis_loads`.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> from bellcrank.sizing.drive_verdicts import judge_drives
+        >>> from bellcrank.sizing.subject import sizing_subject
+        >>> subject = sizing_subject("geared_pendulum", None)
+        >>> found = judge_drives(subject.mechanism, subject.motions, subject.actuators)
+        >>> found.drives[0].state, found.drives[0].binding.name
+        ('inside', 'continuous torque')
+    """
+    if not drives:
+        return DriveVerdicts(drives=())
+    found = axis_loads(mechanism, motions, duty, transmissions, mounts, drives, mass_tolerance)
+    loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
+    verdicts = tuple(_verdict(one, drives[one.axis.name]) for one in loads)
+    system: tuple[CriterionResult, ...] = ()
+    if len(loads) == len(found.axes):
+        of_robot = conditions or Conditions()
+        pairs = [pair_of(drives[one.axis.name]) for one in loads]
+        system = judge_system(pairs, loads, of_robot) if _has_bus(drives.values(), of_robot) else ()
+    return DriveVerdicts(
+        drives=verdicts,
+        system=system,
+        cycles=tuple(dict.fromkeys(cycle.name for cycle in found.cycles)),
+        axes_without=tuple(axis.name for axis in found.axes if axis.name not in drives),
+        warnings=found.warnings,
+    )
+
+
+def pair_of(actuator: Actuator) -> Pairs:
+    """The one pair of an actuator."""
+    motor, gear = actuator.rows
+    one = np.zeros(1, dtype=np.intp)
+    return Pairs(products=Products.of([motor], [gear]), motor=one, gear=one, fits=np.ones(1, dtype=bool))
+
+
+def _verdict(loads: ReducedLoads, actuator: Actuator) -> DriveVerdict:
+    pair, conditions = pair_of(actuator), actuator.judged_under
+    results = tuple(criterion.result(pair, loads, conditions) for criterion in (*CRITERIA, *NOTES))
+    return DriveVerdict(axis=loads.axis.name, actuator=actuator, criteria=results)
+
+
+def _has_bus(drives: Iterable[Actuator], conditions: Conditions) -> bool:
+    """Whether the criteria of all axes together are wanted: a limit is given, or all drives are products."""
+    given = (conditions.supply_power, conditions.brake_resistor_power, conditions.bus_capacitance)
+    return any(one is not None for one in given) or not any(one.rows[0].by_ratings for one in drives)
+
+
+def smallest(margins: Iterable[float | None]) -> float | None:
+    """The smallest known margin; None where none is known."""
+    return min((one for one in margins if one is not None and not math.isnan(one)), default=None)
+
+
+def kept(margin: float | None) -> bool:
+    """Whether a limit is kept: its margin is not negative by more than the tolerance, or there is no limit."""
+    return margin is None or margin >= -TOLERANCE

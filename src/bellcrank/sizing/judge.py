@@ -1,0 +1,94 @@
+"""`bellcrank.judge`: whether the motors and gears that are given can drive a robot along its motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
+from bellcrank.robot.payload import Payload
+from bellcrank.robot.robot import Robot
+from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
+from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance
+from bellcrank.sizing.subject import OneMotion, override_notes, sizing_subject
+
+if TYPE_CHECKING:
+    from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.scene.scene import Scene
+
+
+def judge(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None = None,
+    actuators: Mapping[str, Actuator] | None = None,
+    mass_tolerance: float = 0.0,
+    *,
+    conditions: Conditions | Mapping[str, Any] | None = None,
+    payloads: Iterable[Payload] = (),
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> DriveVerdicts:
+    """Judge the motors and gears that a robot configuration names, along motions, without choosing others.
+
+    Every criterion is that by which `bellcrank.select` chooses, and the verdict is that which `bellcrank.size` shows.
+    Masses are those of the robot: motors and gears count where its links and payloads contain them.
+
+    Args:
+        robot: As for `size`.
+        motions: As for `size`. The duty program of a configuration counts where all of its motions do.
+        actuators: Motor and gear by joint, those of coupled transmissions by motor; by default those of the
+            configuration.
+        mass_tolerance: As for `size`.
+        conditions: Supply, surroundings and safety, as for `select`; what is given replaces what the configuration
+            states.
+        payloads: Payloads besides those that the robot carries.
+        overrides: Values of a scene, configuration or URDF to change, by dotted path, as for `size`.
+        trust: Folders whose files a robot configuration or URDF may name, besides those near it.
+
+    Returns:
+        The DriveVerdicts; `print` shows every criterion, `DriveVerdicts.inside` is the verdict.
+
+    Raises:
+        InputError: For what `size` refuses, and where no actuator is given.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> verdicts = bc.judge("geared_pendulum")
+        >>> verdicts.inside, verdicts.of("shoulder").binding.name
+        (True, 'continuous torque')
+    """
+    stated = Conditions().updated(conditions)
+    tolerance = checked_mass_tolerance(mass_tolerance)
+    given = None if actuators is None else checked_actuators(actuators)
+    subject = sizing_subject(robot, motions, payloads, trust, given, overrides)
+    if not subject.actuators:
+        name = subject.mechanism.robot.name if subject.config is None else subject.config.source
+        raise InputError(
+            f"{name}: no motor and gear is given to judge; write them under the key 'actuators', or choose some with "
+            "`bellcrank select`"
+        )
+    config = subject.config
+    drives = {name: one.under(stated) for name, one in subject.actuators.items()}
+    found = judge_drives(
+        subject.mechanism,
+        subject.motions,
+        drives,
+        duty=None if config is None or motions is not None else config.duty or None,
+        transmissions=() if config is None else config.transmissions,
+        mounts=None if config is None else config.mounts,
+        conditions=(Conditions() if config is None else config.conditions).updated(stated),
+        mass_tolerance=tolerance,
+    )
+    notes = [] if config is None else [*config.notes, *override_notes(config)]
+    if config is not None and config.duty and motions is not None:
+        notes.append("the duty program of the configuration is not used: the given motions are cycles of their own")
+    notes += motion_warnings(subject.mechanism, subject.motions)
+    name = subject.mechanism.robot.name if config is None else config.name
+    return replace(found, robot=name, warnings=tuple(dict.fromkeys([*notes, *found.warnings])))

@@ -1,0 +1,150 @@
+"""Random arms and linkages whose drives `size`, `judge`, `select --keep` and a sweep of sizings must judge alike.
+
+Each case has 1 to 6 joints, revolute or prismatic, with friction and damping, masses and inertias of any size, a
+motion with reversals and rests, a payload, motors and gears of the catalogue, and conditions. Uses must agree to 1e-9, verdicts
+and sentences exactly.
+
+python -m tests.campaigns.one_judge --cases 200 --seed 1
+"""
+
+import argparse
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import bellcrank as bc
+
+AGREE = 1e-9
+CATALOGUE = bc.load_catalogue()
+
+
+def random_case(seed, folder):
+    """The robot configuration of a random arm, and its pairs "motor+gear" by joint."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 7))
+    kinds = ["prismatic" if rng.random() < 0.2 else "revolute" for _ in range(count)]
+    urdf = folder / f"arm{seed}.urdf"
+    urdf.write_text(_urdf(rng, kinds))
+    names = [f"j{k}" for k in range(count)]
+    kept = {name: _pair(rng, kind) for name, kind in zip(names, kinds, strict=True)}
+    data = {
+        "name": f"arm {seed}",
+        "urdf": urdf.name,
+        "gravity": [float(x) for x in rng.normal(scale=7.0, size=3)],
+        "motions": {"go": _motion(rng, names)},
+        "conditions": {
+            "voltage": float(rng.choice([24.0, 48.0, 325.0])),
+            "ambient": float(rng.uniform(0.0, 45.0)),
+            "altitude": float(rng.choice([0.0, 1800.0])),
+            "safety_factor": float(rng.choice([1.0, 1.3, 2.0])),
+            "assume": {"gear.efficiency": float(rng.uniform(0.4, 1.0)), "gear.inertia": 1e-6},
+        },
+        "actuators": {name: _named(pair) for name, pair in kept.items()},
+    }
+    if rng.random() < 0.5:
+        data["payloads"] = [{"mass": float(rng.uniform(0.1, 3.0)), "frame": f"l{count}"}]
+    path = folder / f"arm{seed}.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path, kept
+
+
+def differences(path, kept):
+    """Sentences on what differs between `judge`, `size`, `select` with all pairs given, and a sweep of one design."""
+    judged = bc.judge(path)
+    sizing = bc.size(path)
+    selection = bc.select(path, keep=kept, feedback=False, candidates=1)
+    found = []
+    for one in judged.drives:
+        chosen = selection.axis(one.axis).chosen
+        for name, others in (
+            ("size", dict(sizing.shafts)[one.axis].judged.criteria),
+            ("select", chosen.criteria),
+        ):
+            for mine, theirs in zip(one.criteria, others, strict=True):
+                if not alike(mine, theirs):
+                    found.append(f"{one.axis}: judge {mine}, {name} {theirs}")
+    if judged.inside != selection.inside:
+        found.append(f"inside: judge {judged.inside}, select {selection.inside}")
+    return found
+
+
+def alike(one, other):
+    """Whether two results of a criterion are the same, uses up to rounding."""
+    same = (one.name, one.verdict) == (other.name, other.verdict) and (one.use is None) == (other.use is None)
+    return same and (one.use is None or math.isclose(one.use, other.use, rel_tol=AGREE, abs_tol=1e-12))
+
+
+def _pair(rng, kind):
+    linear = kind == "prismatic"
+    motors = [one for one in CATALOGUE.motors if not (linear and one.kind == "actuator")]
+    motor = motors[int(rng.integers(len(motors)))]
+    gears = [gear for gear in CATALOGUE.gears if gear.linear == linear and gear.ratio is not None]
+    if motor.kind == "actuator" or (not linear and rng.random() < 0.15):
+        return motor.id
+    for place in rng.permutation(len(gears)).tolist():  # one that fits
+        if _goes(motor, gears[place], kind):
+            return f"{motor.id}+{gears[place].id}"
+    return _pair(rng, kind)
+
+
+def _goes(motor, gear, kind):
+    from bellcrank.sizing.selection.pairs import Pairs
+
+    pairs = Pairs.possible([motor], [gear], "linear" if kind == "prismatic" else "rotary")
+    return bool(pairs.with_gear.any())
+
+
+def _named(pair):
+    motor, plus, gear = pair.partition("+")
+    return {"motor": motor} | ({"gear": gear} if plus else {})
+
+
+def _motion(rng, names):
+    """Waypoints with a rest in the middle and a reversal at each row."""
+    times = np.cumsum([0.0, *rng.uniform(0.3, 1.5, size=4)])
+    rows = rng.uniform(-0.8, 0.8, size=(5, len(names)))
+    rows[3] = rows[2]
+    positions = [dict(zip(names, map(float, row), strict=True)) for row in rows]
+    return {"kind": "waypoints", "times": [float(t) for t in times], "positions": positions}
+
+
+def _urdf(rng, kinds):
+    parts = ['<robot name="arm"><link name="l0"/>']
+    for k, kind in enumerate(kinds):
+        mass = float(10.0 ** rng.uniform(-1.5, 1.0))
+        inertia = mass * float(rng.uniform(1e-3, 5e-2))
+        xyz = " ".join(f"{x:.6f}" for x in rng.uniform(-0.3, 0.3, size=3))
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        parts.append(
+            f'<link name="l{k + 1}"><inertial><origin xyz="{xyz}"/><mass value="{mass:.8f}"/>'
+            f'<inertia ixx="{inertia:.9f}" iyy="{inertia:.9f}" izz="{inertia:.9f}" ixy="0" ixz="0" iyz="0"/></inertial>'
+            f'</link><joint name="j{k}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/>'
+            f'<origin xyz="{xyz}"/><axis xyz="{axis[0]:.9f} {axis[1]:.9f} {axis[2]:.9f}"/>'
+            f'<limit lower="-9" upper="9" effort="1e4" velocity="1e3"/>'
+            f'<dynamics damping="{rng.uniform(0.0, 0.2):.6f}" friction="{rng.uniform(0.0, 0.5):.6f}"/></joint>'
+        )
+    return "".join(parts) + "</robot>"
+
+
+def main():
+    """Run the campaign and print what differs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    wrong = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(given.cases):
+            path, kept = random_case(given.seed * 100_000 + number, Path(folder))
+            found = differences(path, kept)
+            wrong += bool(found)
+            print(*(f"case {number}: {text}" for text in found), sep="\n", end="\n" if found else "")
+    print(f"{given.cases} cases, {wrong} differ")
+
+
+if __name__ == "__main__":
+    main()

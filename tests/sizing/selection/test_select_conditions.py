@@ -1,0 +1,137 @@
+"""A selection judges each axis under the conditions that hold there, says where they come from, and writes them."""
+
+import json
+
+import pytest
+import yaml
+from own_products import write_products
+
+import bellcrank as bc
+from bellcrank.actuators.catalogue import load_catalogue
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.errors import InputError
+from bellcrank.sizing.axis_conditions import conditions_of
+from bellcrank.sizing.selection.selection_files import json_text
+
+ROBOT = {
+    "voltage": 60.0,
+    "voltage_reserve": 0.15,
+    "winding_temperature": 70.0,
+    "ambient": 40.0,
+    "altitude": 1234.5,
+    "safety_factor": 1.05,
+    "life": 100.0,
+    "brake": False,
+    "bus_capacitance": 0.001,
+    "bus_max_voltage": 80.1,
+    "brake_resistor_power": 200.3,
+    "supply_power": 1e5,
+    "momentary_loads": {"shoulder": 3.3, "elbow": 2.2},
+    "assume": {"gear.efficiency": 0.61},
+}
+ELBOW = {
+    "voltage": 50.0,
+    "voltage_reserve": 0.1,
+    "winding_temperature": 25.0,
+    "ambient": 45.5,
+    "altitude": 0.0,
+    "safety_factor": 1.2,
+    "life": 1.0 / 3.0,
+    "assume": {"motor.rotor_inertia": 1e-5 / 3.0},
+}
+GIVEN = {"ambient": 25.0, "assume": {"gear.mass": 0.1}}  # 25 °C is the default, and yet given
+
+
+@pytest.fixture(scope="module")
+def products(tmp_path_factory):
+    return load_catalogue(write_products(tmp_path_factory.mktemp("own")), shipped=False)
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    """The planar arm, whose elbow has a motor and gear with conditions of its own."""
+    data = {
+        "urdf": "planar_2r",
+        "gravity": [0, -9.81, 0],
+        "motions": {"lift": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"elbow": 1.0, "shoulder": 0.5}]}},
+        "conditions": ROBOT,
+        "actuators": {"elbow": {"motor": {"id": "m", "nominal_torque": 1.0}} | ELBOW},
+    }
+    path = tmp_path_factory.mktemp("arm") / "arm.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return bc.load_robot_config(path)
+
+
+@pytest.fixture(scope="module")
+def chosen(config, products):
+    return bc.select(config, None, products, conditions=GIVEN, candidates=2)
+
+
+def test_each_axis_has_what_is_given_then_its_own_then_those_of_the_robot(config, chosen):
+    assert chosen.conditions == Conditions(
+        **ROBOT | {"ambient": 25.0, "assume": {"gear.efficiency": 0.61, "gear.mass": 0.1}}
+    )
+    shoulder, elbow = (chosen.axis(name).conditions for name in ("shoulder", "elbow"))
+    assert shoulder == chosen.conditions
+    assert elbow == Conditions(
+        **ROBOT | ELBOW | {"ambient": 25.0, "assume": ROBOT["assume"] | ELBOW["assume"] | GIVEN["assume"]}
+    )
+    assert elbow.sources == conditions_of(config, "elbow", GIVEN).sources
+    assert {elbow.sources[name] for name in ("voltage", "assume.motor.rotor_inertia")} == {"actuators.elbow"}
+    assert elbow.sources["ambient"] == elbow.sources["assume.gear.mass"] == "given"
+    assert elbow.sources["supply_power"] == shoulder.sources["voltage"] == "conditions"
+
+
+def test_the_criteria_of_an_axis_are_judged_under_its_conditions(config, products, chosen):
+    """As those of the same pairs where its conditions are given for the whole robot."""
+    keep = {one.axis.name: one.chosen.id for one in chosen.axes}
+    for one in chosen.axes:
+        same = bc.select(config, None, products, conditions=one.conditions, keep=keep, candidates=1, effort=0)
+        assert [*same.axis(one.axis.name).chosen.criteria] == [*one.chosen.criteria]
+    robot = bc.select(config, None, products, conditions=chosen.conditions, keep=keep, candidates=1, effort=0)
+    assert [*robot.axis("elbow").chosen.criteria] != [*chosen.axis("elbow").chosen.criteria]
+
+
+def test_tables_and_json_say_where_each_condition_comes_from(chosen):
+    text = " ".join(str(chosen).split())
+    for part in (
+        "voltage 60 V (conditions) less 15% (conditions)",
+        "ambient 25 °C (given)",
+        "momentary load of elbow 2.2 (conditions)",
+        "voltage 50 V (actuators.elbow)",
+        "safety factor 1.2 (actuators.elbow)",
+        "assumed gear.mass 0.1 (given)",
+    ):
+        assert part in text, part
+    document = json.loads(json_text(chosen))
+    for found, held in [
+        (document, chosen.conditions),
+        *((one, chosen.axis(one["name"]).conditions) for one in document["axes"]),
+    ]:
+        read = dict(found["conditions"])
+        assert read.pop("sources") == held.sources and Conditions(**read) == held
+
+
+def test_a_written_configuration_has_the_same_conditions_to_the_last_digit(chosen, tmp_path):
+    path = chosen.write_config(tmp_path / "chosen.yaml")
+    data, again = yaml.safe_load(path.read_text()), bc.load_robot_config(path, trust="/")
+    assert again.conditions == chosen.conditions
+    for one in chosen.axes:
+        name = one.axis.name
+        assert again.actuators[name].conditions == conditions_of(again, name) == one.conditions
+    assert set(data["actuators"]["shoulder"]) <= {"motor", "gear"}  # what holds for the whole robot is written once
+    assert set(data["actuators"]["elbow"]) - {"motor", "gear"} == set(ELBOW) - {"ambient"}
+    assert data["actuators"]["elbow"]["assume"] == ELBOW["assume"]
+
+
+def test_ratings_with_a_safety_factor_are_selected_for_with_it(products):
+    found = bc.select("planar_2r", ["elbow_up"], products, candidates=1, effort=0)
+    assert [one.conditions.safety_factor for one in found.axes] == [1.2, 1.2]
+    assert found.conditions == Conditions()
+    given = bc.select("planar_2r", ["elbow_up"], products, conditions={"safety_factor": 1.0}, candidates=1, effort=0)
+    assert [one.conditions.safety_factor for one in given.axes] == [1.0, 1.0]
+
+
+def test_momentary_loads_name_axes(products):
+    with pytest.raises(InputError, match="momentary_loads: unknown axis 'wrist'"):
+        bc.select("planar_2r", ["elbow_up"], products, conditions={"momentary_loads": {"wrist": 1.0}})
