@@ -1,8 +1,8 @@
 """Random arms and linkages whose drives `size`, `judge`, `select --keep` and a sweep of sizings must judge alike.
 
 Each case has 1 to 6 joints, revolute or prismatic, with friction and damping, masses and inertias of any size, a
-motion with reversals and rests, a payload, motors and gears of the catalogue, and conditions. Uses must agree to 1e-9, verdicts
-and sentences exactly.
+motion with reversals and rests, a payload, motors and gears of the catalogue, and conditions. Uses must agree to 1e-9,
+verdicts and sentences exactly.
 
 python -m tests.campaigns.one_judge --cases 200 --seed 1
 """

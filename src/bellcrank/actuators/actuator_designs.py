@@ -69,11 +69,6 @@ class ActuatorDesigns:
             torques[:2, :, k], torques[2:, :, k] = peak, np.where(largest > rated, 0.0, peak)
         return cls(tuple(actuators), ratings, speeds, torques)
 
-    @property
-    def of_ratings(self) -> list[bool]:
-        """Whether each actuator is given by its ratings (else by a motor and gear of a catalogue)."""
-        return [type(one) is Actuator for one in self.actuators]
-
     def only(self, joints: Sequence[int]) -> Self:
         """Those of some of the joints, by number."""
         of = list(joints)

@@ -98,7 +98,9 @@ class OwnStates:
         first = np.flatnonzero(np.diff(self.grid.part, prepend=-1))
         sides = Sides.of(float(self.motion.time[0]), self.grid.sides.end, first, found[1])
         self._sides[design] = sides
-        moves = (self.grid.velocity.any(axis=1) | self.grid.acceleration.any(axis=1))[:, None]
+        moves = np.any(self.grid.velocity, axis=1, keepdims=True) | np.any(
+            self.grid.acceleration, axis=1, keepdims=True
+        )
         stretch = self.stretch[design]
         velocity = sides.of_velocity(self.grid.force_time, found[1])
         return found[0], moves * velocity / stretch, moves * found[2] / stretch**2

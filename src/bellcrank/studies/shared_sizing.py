@@ -195,7 +195,7 @@ class SharedSizing(Portable):
             return "the robot has coupled transmissions"
         if self.scene.config.duty:
             return "its motors are judged along a duty program"
-        if not all(self.actuators.of_ratings):
+        if any(not one.rows[0].by_ratings for one in self.loads.actuators.values()):
             return "a motor and gear of a catalogue are judged by all of their criteria"
         stretched = any(change.kind == "duration" for change in self.changes)
         if stretched and (coulomb_widths(self.mechanism) or self._timed):

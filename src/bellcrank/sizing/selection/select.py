@@ -210,7 +210,8 @@ def _kept_drives(
     kept: Mapping[str, str], products: Catalogue, conditions: Callable[[str], Conditions]
 ) -> dict[str, Actuator]:
     """The actuators of the axes whose motor and gear are both given; wrong ids are refused elsewhere."""
-    motors, gears = ({row.id: row for row in rows} for rows in (products.motors, products.gears))
+    motors = {row.id: row for row in products.motors}
+    gears = {row.id: row for row in products.gears}
     found: dict[str, Actuator] = {}
     for axis, ids in kept.items():
         motor, plus, gear = (part.strip() for part in ids.partition("+"))
@@ -222,7 +223,7 @@ def _kept_drives(
 
 def _chosen_drives(problem: JudgedAxes, choice: Choice) -> dict[str, Actuator]:
     """The actuators of the axes for which something was chosen, by the name of the axis."""
-    found = {}
+    found: dict[str, Actuator] = {}
     for one, pair, conditions in zip(problem.axes, choice, problem.conditions, strict=True):
         if pair is not None:
             motor, gear = one.pairs.rows(pair)
