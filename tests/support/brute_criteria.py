@@ -21,8 +21,9 @@ class Brute:
 
     def __init__(self, motor: Any, gear: Any, cycle: Any, axis: int, conditions: Any) -> None:
         self.motor, self.gear, self.cycle, self.conditions = motor, gear, cycle, conditions
-        safety = conditions.safety_factor
-        self.tau = safety * cycle.torque[:, axis]
+        self.safety = safety = conditions.safety_factor
+        self.load = cycle.torque[:, axis]
+        self.tau = safety * self.load  # what the gear's output bears
         self.static = safety * cycle.static_torque[:, axis]
         self.dq, self.ddq = cycle.speed[:, axis], cycle.acceleration[:, axis]
         self.tilt = safety * cycle.tilting_moment[:, axis]
@@ -30,17 +31,20 @@ class Brute:
         self.w, self.t = cycle.weight, cycle.duration
         self.N = value(gear.ratio)
         self.omega = self.N * self.dq
-        self.T = self.through_gear() + (value(motor.rotor_inertia) + value(gear.inertia)) * self.N * self.ddq
+        # The factor multiplies the whole torque at the shaft: (T_load + T_acceleration) S (Oriental Motor, Technical
+        # reference, required torque).
+        self.T = safety * (self.through_gear() + (value(motor.rotor_inertia) + value(gear.inertia)) * self.N * self.ddq)
         if motor.coulomb_friction is not None and motor.viscous_friction is not None:
             self.tc, self.cv = motor.coulomb_friction, motor.viscous_friction
         else:
             self.tc, self.cv = value(motor.torque_constant) * value(motor.no_load_current), 0.0
             self.cv += 0.0 * self.tc
         self.k = value(motor.torque_constant) * TO_DC.get(motor.torque_constant_basis, math.nan)
-        self.Te = self.T + self.tc * np.sign(self.omega) + self.cv * self.omega
+        self.Te = self.T + safety * (self.tc * np.sign(self.omega) + self.cv * self.omega)
 
     def through_gear(self) -> np.ndarray:
-        gear, tau = self.gear, self.tau
+        """Torque at the gear's input, without the safety factor."""
+        gear, tau = self.gear, self.load
         driven = tau * self.dq < 0.0
         if gear.efficiency_curve:
             x, y = np.array(gear.efficiency_curve).T
