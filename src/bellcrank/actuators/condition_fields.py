@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 ROBOT_WIDE: Final = "conditions"  # the key, and the source of its values
 UNITS: Final = {  # of the fields that are numbers
     "voltage": "V",
+    "voltage_ratio": "",
     "voltage_reserve": "",
     "winding_temperature": "°C",
     "ambient": "°C",
     "altitude": "m",
     "safety_factor": "",
+    "inertia_ratio": "",
     "life": "h",
     "bus_capacitance": "F",
     "bus_max_voltage": "V",
@@ -30,8 +32,8 @@ UNITS: Final = {  # of the fields that are numbers
 DEFAULTS: Final = Conditions()
 KEYS: Final = (*UNITS, "brake", "momentary_loads", "assume")
 OF_AN_AXIS: Final = (  # the axes share one bus with its supply; momentary loads have the names of the axes already
-    "voltage", "voltage_reserve", "winding_temperature", "ambient", "altitude", "safety_factor", "life", "brake",
-    "assume",
+    "voltage", "voltage_ratio", "voltage_reserve", "winding_temperature", "ambient", "altitude", "safety_factor",
+    "inertia_ratio", "life", "brake", "assume",
 )  # fmt: skip
 
 

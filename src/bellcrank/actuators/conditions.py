@@ -21,6 +21,7 @@ BY_NAME: Final = ("assume", "momentary_loads")  # each entry of these has a sour
 HIGHEST = 4000.0  # m: the correction for altitude of IEC 60034-1 ends there
 SEA_LEVEL = 1000.0  # m: up to here it is 1
 RANGES = {
+    "voltage_ratio": Range(above=1.0),
     "voltage_reserve": Range(above=None, least=0.0, most=0.9),
     "ambient": Range(above=None, least=-100.0, most=300.0),
     "altitude": Range(above=None, least=-500.0, most=HIGHEST),
@@ -56,11 +57,13 @@ class Conditions:
 
     Attributes:
         voltage: Bus voltage, V; None: each motor's own nominal voltage.
+        voltage_ratio: How many times the bus may have a motor's nominal voltage, and the other way round.
         voltage_reserve: Share of the voltage that is kept for control.
         winding_temperature: Winding temperature for which the voltage limit is computed, °C.
         ambient: Ambient temperature, °C.
         altitude: Altitude of the site above sea level, m, at most 4000.
         safety_factor: On loads' torques before they are compared with limits.
+        inertia_ratio: Largest inertia of load and gear over that of the rotor, both at the shaft.
         momentary_loads: Torques (axis name, N m or N) that happen rarely, such as in an emergency stop, for the gears'
             momentary limit; a mapping is taken too and kept as pairs.
         life: Hours that gears must live (L10); None: life is reported and not judged.
@@ -87,11 +90,13 @@ class Conditions:
     """
 
     voltage: float | None = None
+    voltage_ratio: float = 2.0
     voltage_reserve: float = 0.1
     winding_temperature: float = 25.0
     ambient: float = 25.0
     altitude: float = 0.0
     safety_factor: float = 1.0
+    inertia_ratio: float = 10.0
     momentary_loads: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
     life: float | None = None
     brake: bool = False

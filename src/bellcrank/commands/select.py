@@ -103,11 +103,13 @@ def add_conditions(parser: argparse.ArgumentParser) -> None:
     """Supply, surroundings and safety: an option for each field of `Conditions`, of the same name."""
     for name, metavar, meaning in (
         ("voltage", "V", "voltage of the DC bus (default: the nominal voltage of each motor)"),
+        ("voltage_ratio", "R", "how many times higher or lower than a motor's nominal voltage it may be (default: 2)"),
         ("voltage_reserve", "SHARE", "share of the voltage that is kept for control (default: 10%%)"),
         ("winding_temperature", "°C", "winding temperature for which the voltage limit is computed (default: 25)"),
         ("ambient", "°C", "ambient temperature (default: 25)"),
         ("altitude", "M", "altitude of the site above sea level, m (default: 0)"),
         ("safety_factor", "F", "factor on the loads before they are compared with limits (default: 1)"),
+        ("inertia_ratio", "R", "largest inertia of load and gear over the rotor's, at the shaft (default: 10)"),
         ("life", "HOURS", "life that gears must reach (L10)"),
         ("bus_capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
         ("bus_max_voltage", "V", "voltage of the bus at which the brake resistor switches on"),

@@ -8,9 +8,11 @@ import numpy as np
 
 from bellcrank.sizing.selection.candidates import without_mass
 from bellcrank.sizing.selection.feedback import fixed_point
-from bellcrank.sizing.selection.joint_problem import Choice, judge_choice, masses_of
+from bellcrank.sizing.selection.joint_problem import Choice, JointProblem, judge_choice, masses_of
 from bellcrank.sizing.selection.joint_search import best_combination
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
+from bellcrank.sizing.selection.matching_criteria import COMMON_BUS
+from bellcrank.sizing.selection.one_bus import best_on_one_bus
 from bellcrank.sizing.selection.ranking import total
 from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.selection.system_criteria import judge_system
@@ -46,9 +48,16 @@ def choose(problem: JudgedAxes, effort: int) -> Chosen:
     found = best_combination(problem, effort, greedy.choice if greedy.satisfied else None)
     choice = greedy.choice if found is None else found.choice
     notes = []
+    permitted: JointProblem = problem
+    if found is not None and COMMON_BUS in _exceeded(problem, choice):
+        on_one_bus = best_on_one_bus(problem, effort)
+        if on_one_bus is not None:
+            permitted, found = on_one_bus
+            choice = found.choice
+            notes.append("the best pairs of the axes need different buses; the chosen ones are the best for one bus")
     if found is not None and not system_kept(problem, choice):
-        exceeded = " and ".join(one.name for one in system_results(problem, choice) if one.verdict == "exceeded")
-        other = best_combination(problem, effort, accept=lambda each: system_kept(problem, each))
+        exceeded = " and ".join(_exceeded(problem, choice))
+        other = best_combination(permitted, effort, accept=lambda each: system_kept(problem, each))
         if other is None:
             notes.append(f"{exceeded} of all axes together is exceeded, and no combination that was tried keeps it")
         else:
@@ -88,6 +97,11 @@ def system_results(problem: JudgedAxes, choice: Choice) -> tuple[CriterionResult
     return tuple(without_mass(result, unknown) for result in results) if unknown else results
 
 
+def _exceeded(problem: JudgedAxes, choice: Choice) -> list[str]:
+    """Names of the criteria of all axes together that are exceeded."""
+    return [one.name for one in system_results(problem, choice) if one.verdict == "exceeded"]
+
+
 def system_kept(problem: JudgedAxes, choice: Choice) -> bool:
     """Whether no criterion of all axes together is exceeded."""
-    return all(result.verdict != "exceeded" for result in system_results(problem, choice))
+    return not _exceeded(problem, choice)

@@ -24,6 +24,7 @@ from bellcrank.sizing.selection.gear_criteria import (
     GearRepeatedPeak,
 )
 from bellcrank.sizing.selection.load_reductions import ACCELERATION, ReducedLoads
+from bellcrank.sizing.selection.matching_criteria import InertiaRatio, NominalVoltage
 from bellcrank.sizing.selection.motor_criteria import (
     ContinuousTorqueCriterion,
     HoldingBrake,
@@ -32,7 +33,7 @@ from bellcrank.sizing.selection.motor_criteria import (
     PeakTorque,
     VoltageLimit,
 )
-from bellcrank.sizing.selection.notes import AxisError, InertiaRatio, Resonance
+from bellcrank.sizing.selection.notes import AxisError, Resonance
 from bellcrank.sizing.selection.pairs import Index, Pairs
 from bellcrank.sizing.selection.peak_curve import PeakCurve
 from bellcrank.sizing.selection.peak_duration import PeakDuration
@@ -53,12 +54,12 @@ GEAR_CRITERIA: Final[tuple[Criterion, ...]] = (
 )
 # Criteria of pairs in the order of their cost: pairs that fail one group are left out of the groups that follow.
 CHEAP: Final[tuple[tuple[Criterion, ...], ...]] = (
-    (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad()),
+    (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad(), NominalVoltage(), InertiaRatio()),
     (ContinuousTorqueCriterion(),),
     (PeakTorque(), PeakCurrent(), VoltageLimit(), PeakCurve()),
 )
 COSTLY: Final[tuple[tuple[Criterion, ...], ...]] = ((PeakDuration(),), (WindingTemperature(), HousingTemperature()))
-NOTES: Final[tuple[Criterion, ...]] = (InertiaRatio(), Resonance(), AxisError())
+NOTES: Final[tuple[Criterion, ...]] = (Resonance(), AxisError())
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in (*CHEAP, *COSTLY) for criterion in group))
 CHUNK = 8192  # pairs judged at once
 THREADS = 2

@@ -25,7 +25,9 @@ from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, Ve
 from bellcrank.sizing.selection.selection import Objective
 
 Array = NDArray[np.float64]
-OF_MOTION = frozenset({"motor speed", "gear average input speed", "gear largest input speed"})  # whatever the torques
+OF_MOTION = frozenset(
+    {"motor speed", "gear average input speed", "gear largest input speed", "nominal voltage"}
+)  # whatever the torques
 MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}
 )
@@ -267,7 +269,7 @@ def _tiny(cycle: ReducedCycle) -> ReducedCycle:
         features=np.array([[torque, 0.0, 0.0, np.sign(speed), speed], [torque, 0.0, 0.0, 0.0, 0.0]]),
         torque=np.full(2, torque),
         static_torque=float(static),
-        inertia=cycle.inertia[:2],
+        inertia=np.zeros(2),
         axial_force=float(axial),
         tilting_moment=float(tilting),
     )

@@ -1,4 +1,4 @@
-"""Notes on a motor and gear, which are never judged: inertia ratio, resonance, and errors at the axis."""
+"""Notes on a motor and gear, which are never judged: resonance, and errors at the axis."""
 
 from __future__ import annotations
 
@@ -21,27 +21,6 @@ class Note(Criterion):
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """No pair."""
         return np.zeros(len(pairs), dtype=bool)
-
-
-class InertiaRatio(Note):
-    """Inertia of load and gear over that of the rotor, both at the shaft: makers' guidance, not a law of physics."""
-
-    name = "inertia ratio"
-    of_ratings = True
-    formula = "(J_load / N² + J_gear) / J_rotor"
-    source = "makers' guidance, such as Mitsubishi, MELSERVO J2S manual (3 at a high duty, 5 at a medium one)"
-    needs = (("gear.ratio", "gear.inertia", "motor.rotor_inertia"),)
-
-    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The largest ratio of the cycle."""
-        return inertia_ratio(pairs, float(np.max(cycle.inertia)))
-
-    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
-        """The range over the cycle."""
-        least, most = (float(inertia_ratio(pair, float(f(cycle.inertia)))[0]) for f in (np.min, np.max))
-        if math.isnan(most):
-            return self.missing(pair)
-        return f"{least:.3g} to {most:.3g} times the rotor's inertia in '{cycle.name}'"
 
 
 class Resonance(Note):
@@ -90,11 +69,6 @@ class AxisError(Note):
         if not direct and gear.stiffness is not None:
             parts.append(f"wind-up {_size(cycle.max_torque / gear.stiffness, cycle)} in '{cycle.name}'")
         return "; ".join(parts) or ("no gear" if direct else "neither backlash nor stiffness is stated")
-
-
-def inertia_ratio(pairs: Pairs, load_inertia: float) -> Array:
-    """(J_load / N² + J_gear) / J_rotor (m,)."""
-    return (load_inertia / pairs.of_gear("ratio") ** 2 + pairs.of_gear("inertia")) / pairs.of_motor("rotor_inertia")
 
 
 def resonances(pairs: Pairs, load_inertia: float) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import REFERENCE
 from bellcrank.sizing.selection.criteria import Array, cycles_of, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
+from bellcrank.sizing.selection.matching_criteria import common_bus
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.selection import CriterionResult, Verdict
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients
@@ -37,13 +38,13 @@ def judge_system(
         conditions: The supply, the bus and the brake resistor.
 
     Returns:
-        Supply power and regenerated energy, each of the worst cycle.
+        Supply power and regenerated energy, each of the worst cycle, and whether one bus suits all motors.
     """
     own = [cycles_of(pair, load, conditions)[0][1] for pair, load in zip(pairs, loads, strict=True)]
     cycles = list(zip(*own, strict=True))
     supply = [_supply(pairs, axes, conditions) for axes in cycles]
     energy = [_regeneration(pairs, axes, conditions) for axes in cycles]
-    return _worst(supply), _worst(energy)
+    return _worst(supply), _worst(energy), common_bus(pairs, conditions)
 
 
 def _worst(results: list[CriterionResult]) -> CriterionResult:
