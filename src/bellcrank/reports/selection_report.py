@@ -23,11 +23,13 @@ SCRIPTS = (  # in the order in which they stand in the page
 )  # fmt: skip
 WORDS = {  # how a report calls a condition, and its unit
     "voltage": ("bus voltage", "V"),
+    "voltage_ratio": ("ratio of bus and nominal voltage", ""),
     "voltage_reserve": ("voltage reserve for control", "%"),
     "winding_temperature": ("winding temperature of the voltage limit", "°C"),
     "ambient": ("ambient temperature", "°C"),
     "altitude": ("altitude", "m"),
     "safety_factor": ("safety factor on torques", ""),
+    "inertia_ratio": ("allowed ratio of inertias", ""),
     "life": ("required life of gears", "h"),
     "brake": ("holding brake", ""),
     "bus_capacitance": ("bus capacitance", "F"),
