@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coupled_robots import WRIST
 from scipy.integrate import solve_ivp
 
 import bellcrank as bc
@@ -16,7 +17,7 @@ COPPER = 0.0039  # 1/K, rise of the resistance of copper, related to that at 25 
 
 def continuous_margins(robot: str, motion: bc.Motion) -> dict[str, float]:
     sizing = bc.size(robot, [motion])
-    return {name: shaft.margins["rated torque"] for name, shaft in sizing.shafts}
+    return {name: shaft.margins["continuous torque"] for name, shaft in sizing.shafts}
 
 
 def fast_motion(robot: str, path: str) -> bc.Motion:
@@ -127,6 +128,27 @@ def test_the_winding_of_a_marched_cycle_reaches_its_limit(by: str) -> None:
     fixed = base + np.linalg.solve(np.eye(2) - columns, end - base)
     peak = passed(fixed)[1]
     assert peak == pytest.approx(motor.max_winding_temperature, abs=0.05)
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize("by", ["pause", "speed"])
+def test_motors_of_a_coupled_transmission_bear_the_cycle(tmp_path: Path, by: str) -> None:
+    """A differential wrist; its sizing judges the motors along the cycle as one motion."""
+    (tmp_path / "wrist.urdf").write_text(WRIST)
+    ratings = "{ratio: 20, rated_torque: 0.05, peak_torque: 3, rated_speed: 300, max_speed: 900, rotor_inertia: 1.0e-5}"
+    config = tmp_path / "wrist.yaml"
+    config.write_text(
+        "name: Wrist\nurdf: wrist.urdf\nmotions:\n"
+        "  bow: {kind: waypoints, times: [0, 0.15, 0.3], positions: [{}, {pitch: 0.5, roll: 1.0}, {}], samples: 401}\n"
+        "transmissions:\n  - {joints: [pitch, roll], motors: [left, right], matrix: [[1, 1], [1, -1]]}\n"
+        f"actuators: {{left: {ratings}, right: {ratings}}}\n"
+    )
+    cycle = bc.repeated_cycle(config, "bow", by=by)
+    margins = {one.name: one.shaft.margins["continuous torque"] for one in bc.size(config, [cycle.motion]).motors}
+    assert cycle.joint in ("left", "right")
+    assert cycle.original_uses[cycle.joint] > 1.1
+    assert min(margins.values()) == pytest.approx(0.0, abs=1e-6)
+    assert cycle.uses == pytest.approx({name: 1.0 - margin for name, margin in margins.items()}, abs=1e-6)
 
 
 @pytest.mark.tier2

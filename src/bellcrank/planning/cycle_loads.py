@@ -1,143 +1,88 @@
-"""What a cycle that repeats asks continuously of motors: RMS torque against the continuous torque, or the winding's
-temperature in the periodic state.
-
-A pause at the end of the motion adds a time at rest under the torque that holds the posture. The sums over the motion
-are those of `bellcrank.size`; losses are means over the parts of its grid.
+"""What a cycle that repeats asks of motors for ever, by the judge's own criteria: continuous torque, or the winding's
+temperature in the periodic state. A pause at the end of the motion holds its last posture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.electrical import electrical_torque, friction_loss, loss_per_squared_torque
-from bellcrank.actuators.motor_with_gear import MotorWithGear
-from bellcrank.actuators.product_arrays import MotorArrays
-from bellcrank.actuators.thermal import HeatCycle, ThermalModel
-from bellcrank.actuators.thermal_cycle import periodic_temperatures
-from bellcrank.dynamics.force_table_breakpoints import force_breaks, with_force_rows
-from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
+from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.joint_loads import JointLoads
-from bellcrank.sizing.motion_grid import grid_along, reversal_times
+from bellcrank.planning.cycle_result import Limit
+from bellcrank.sizing.drive_verdicts import pair_of
+from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_loads
+from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
+from bellcrank.sizing.selection.thermal_criteria import WindingTemperature
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from bellcrank.actuators.coupled_transmission import CoupledTransmission
+    from bellcrank.dynamics.mechanism import Mechanism
+
+CRITERIA = {"rms": ContinuousTorqueCriterion(), "temperature": WindingTemperature()}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MotorCycle:
-    """The shaft of one motor over a motion, and at rest in its last posture.
+    """The motor of one axis over a motion that repeats, with any pause after it.
 
     Attributes:
         actuator: Motor and gear.
-        weight: Integration weights (n,), s.
-        part: Number (n,) of the part of the motion of each sample, from 0.
-        torque: Shaft torque (n,), N m.
-        speed: Shaft speed (n,), rad/s.
-        held: Shaft torque at rest in the last posture, N m.
+        loads: The loads of the axis along the motion and a pause of 1 s.
     """
 
     actuator: Actuator
-    weight: Array
-    part: NDArray[np.intp]
-    torque: Array
-    speed: Array
-    held: float
+    loads: ReducedLoads
 
     @property
     def duration(self) -> float:
         """The time of the motion, s."""
-        return float(self.weight.sum())
+        return self.loads.cycles[0].duration - 1.0
 
-    def squared_torque(self) -> float:
-        """∫ T² dt over the motion, (N m)² s."""
-        return float(self.weight @ self.torque**2)
-
-    def turned(self) -> float:
-        """∫ |ω| dt over the motion, rad."""
-        return float(self.weight @ np.abs(self.speed))
-
-    def rms_use(self, pause: float) -> float | None:
-        """The share of the continuous torque at the mean speed that the RMS torque of motion and pause uses, with the
-        safety factor; None where the continuous torque is unknown.
-        """
-        period = self.duration + pause
-        rms = float(np.sqrt((self.squared_torque() + self.held**2 * pause) / period))
-        limit = self.actuator.continuous_torque(self.turned() / period)
-        return None if limit is None else self.actuator.safety_factor * rms / limit
-
-    def pause_for_rms(self) -> float | None:
-        """The pause, s, after which the RMS torque is the continuous torque, if that does not depend on the speed:
-        (∫T² + T_h² p) / (t + p) = L², so p = (∫T² - L² t) / (L² - T_h²). None where no pause suffices, or it depends.
-        """
-        if isinstance(self.actuator, MotorWithGear) or (limit := self.actuator.continuous_torque(0.0)) is None:
+    def use(self, limit: Limit, pause: float) -> float | None:
+        """The share of a limit that is used where the motion repeats with a pause, s; None where it is unknown."""
+        loads = replace(self.loads, cycles=tuple(_with_pause(cycle, pause) for cycle in self.loads.cycles))
+        pair, conditions, criterion = pair_of(self.actuator), self.actuator.judged_under, CRITERIA[limit]
+        if not criterion.applies(pair, loads.axis, conditions)[0]:
             return None
-        limit /= self.actuator.safety_factor
-        spare = limit**2 - self.held**2
-        return None if spare <= 0.0 else max(0.0, (self.squared_torque() - limit**2 * self.duration) / spare)
-
-    def temperature_use(self, pause: float) -> float | None:
-        """The largest rise of the winding's temperature above the ambient in the periodic state, over the permitted
-        rise; infinite on thermal runaway, None where a figure is unknown.
-        """
-        actuator = self.actuator
-        if not isinstance(actuator, MotorWithGear):
-            return None
-        motor, conditions = actuator.conditions.completed(actuator.motor), actuator.conditions
-        motors = MotorArrays.of([motor])
-        limit = float(motors.max_winding_temperature[0])
-        heat = self._heat(motors, pause)
-        model = ThermalModel.of(motors, conditions)
-        peak = float(periodic_temperatures(model, heat).winding_peak[0])
-        if np.isnan(peak) or np.isnan(limit):
-            return None
-        permitted = limit - conditions.ambient
-        return (peak - conditions.ambient) / permitted if permitted > 0.0 else np.inf
-
-    def _heat(self, motors: MotorArrays, pause: float) -> HeatCycle:
-        copper = loss_per_squared_torque(motors) * electrical_torque(motors, self.torque, self.speed) ** 2
-        held = float(loss_per_squared_torque(motors)[0]) * self.held**2
-        duration, *energies = (
-            np.asarray(np.bincount(self.part, self.weight * values), dtype=np.float64)
-            for values in (np.ones_like(self.torque), copper, friction_loss(motors, self.speed))
-        )
-        long = duration > 0.0
-        losses = [energy[long] / duration[long] for energy in energies]
-        last = np.array([pause])[: int(pause > 0.0)]
-        return HeatCycle(
-            duration=np.concatenate([duration[long], last]),
-            copper_loss=np.concatenate([losses[0], held + 0.0 * last])[None],
-            friction_loss=np.concatenate([losses[1], 0.0 * last])[None],
-        )
+        use = float(criterion.use(pair, loads, conditions)[0])
+        return None if np.isnan(use) else use
 
 
-def motor_cycles(mechanism: Mechanism, actuators: Mapping[str, Actuator], motion: Motion) -> dict[str, MotorCycle]:
-    """The shafts of the motors whose torque is known, by joint."""
-    loads = JointLoads(mechanism, actuators, 0.0)
-    motion = with_force_rows(mechanism, motion)
-    probes = reversal_times(motion, coulomb_widths(mechanism))
-    grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
-    torque = loads.nominal_torque(grid.force_time, grid.position, grid.velocity, grid.acceleration)
-    still = np.zeros((1, motion.nv))
-    end = np.nextafter(motion.time[-1:], -np.inf)
-    held = loads.nominal_torque(end, np.array(motion.position[-1:]), still, still)
-    found = {}
-    for k, joint in enumerate(loads.joints):
-        if not loads.knows_shaft(joint.name):
-            continue
-        actuator = actuators[joint.name]
-        speed, rate = grid.velocity[:, joint.v], grid.acceleration[:, joint.v]
-        rest = np.zeros(1)
-        found[joint.name] = MotorCycle(
-            actuator=actuator,
-            weight=grid.weight,
-            part=grid.part,
-            torque=actuator.shaft_torque(torque[:, k], speed, rate),
-            speed=actuator.ratio * speed,
-            held=float(actuator.shaft_torque(held[:, k], rest, rest)[0]),
-        )
-    return found
+def _with_pause(cycle: ReducedCycle, pause: float) -> ReducedCycle:
+    """A cycle whose last interval, a pause of 1 s, lasts for another time; without it where that is 0."""
+    last = cycle.interval == cycle.interval[-1]
+    if pause > 0.0:
+        weight = np.where(last, pause * cycle.weight, cycle.weight)
+        return replace(cycle, weight=weight, duration=cycle.duration - 1.0 + pause)
+    return replace(
+        cycle,
+        duration=cycle.duration - 1.0,
+        time=cycle.time[~last],
+        weight=cycle.weight[~last],
+        interval=cycle.interval[~last],
+        sequence=cycle.sequence[:-1],
+        features=cycle.features[~last],
+        torque=cycle.torque[~last],
+        inertia=cycle.inertia[~last],
+    )
+
+
+def motor_cycles(
+    mechanism: Mechanism,
+    actuators: Mapping[str, Actuator],
+    motion: Motion,
+    transmissions: Sequence[CoupledTransmission] = (),
+) -> dict[str, MotorCycle]:
+    """The motors that have an actuator, by the name of the axis: a joint, or the motor of a coupled transmission."""
+    if not actuators:
+        return {}
+    duty = [DutyStep(motion.name), DutyStep(pause=1.0)]
+    found = axis_loads(mechanism, [motion], duty, transmissions, drives=actuators)
+    loads = reduce_loads(found.axes, found.cycles)
+    return {one.axis.name: MotorCycle(actuators[one.axis.name], one) for one in loads if one.axis.name in actuators}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.subject import sizing_subject
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
@@ -47,10 +48,10 @@ def repeated_cycle(
 ) -> RepeatedCycle:
     """Find the shortest pause after a motion, or the highest speed of it, at which motors bear its repetition for ever.
 
-    With a pause, the posture at the end of the motion is held; the pause follows in closed form where the continuous
-    torque does not depend on the speed, (∫T² + T_h² p) / (t + p) = L², else as a bracketed root. A lower speed scales
-    the whole motion in time, and the factor is the root that is nearest to 1. Neither is the shortest of all cycles:
-    a motion that saves torque where it costs little time can be shorter.
+    The uses are those of the judge (`bellcrank.judge`). With a pause, the posture at the end of the motion is held; the
+    pause is a bracketed root of the use. A lower speed scales the whole motion in time, and the factor is the root that
+    is nearest to 1. Neither is the shortest of all cycles: a motion that saves torque where it costs little time can be
+    shorter.
 
     Args:
         robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
@@ -75,7 +76,7 @@ def repeated_cycle(
         >>> import bellcrank as bc
         >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
         >>> cycle = bc.repeated_cycle("geared_pendulum", fastest.motion)
-        >>> round(bc.size("geared_pendulum", [cycle.motion]).joint("shoulder").shaft.margins["rated torque"], 9)
+        >>> round(bc.size("geared_pendulum", [cycle.motion]).joint("shoulder").shaft.margins["continuous torque"], 9)
         0.0
     """
     arguments.one_of("limit", limit, tuple(LIMITS))
@@ -86,16 +87,14 @@ def repeated_cycle(
         for name, one in arguments.mapping("actuators", actuators, "a mapping of joint names to Actuators").items():
             arguments.instance(f'actuators["{name:.80}"]', one, Actuator, "an Actuator")
     subject = sizing_subject(robot, [motion], payloads, trust, actuators, overrides)
-    if subject.config is not None and subject.config.transmissions:
-        raise InputError(
-            f"{subject.config.source}: transmissions: the repeated cycle does not know motors that move several joints"
-        )
+    transmissions = () if subject.config is None else subject.config.transmissions
     mechanism, given = subject.mechanism, subject.motions[0]
     if given.duration <= 0.0:
         raise InputError(f"motion '{given.name}' takes no time; there is nothing to repeat")
 
     def cycles_at(factor: float) -> dict[str, MotorCycle]:
-        return motor_cycles(mechanism, subject.actuators, scaled_motion(given, factor) if factor != 1.0 else given)
+        motion = scaled_motion(given, factor) if factor != 1.0 else given
+        return motor_cycles(mechanism, subject.actuators, motion, transmissions)
 
     cycles = cycles_at(1.0)
     uses, unknown = _uses(cycles, limit, 0.0)
@@ -120,17 +119,13 @@ def repeated_cycle(
         joint=joint,
         original_uses=uses,
         uses=final,
-        warnings=(*subject.notes, *_warnings(given, mechanism, {*uses}, unknown, limit)),
+        warnings=(*subject.notes, *_warnings(given, mechanism, transmissions, {*uses}, unknown, limit)),
     )
-
-
-def _use(cycle: MotorCycle, limit: Limit, pause: float) -> float | None:
-    return cycle.rms_use(pause) if limit == "rms" else cycle.temperature_use(pause)
 
 
 def _uses(cycles: Mapping[str, MotorCycle], limit: Limit, pause: float) -> tuple[dict[str, float], list[str]]:
     """The known uses by joint, and the joints of unknown ones."""
-    found = {name: _use(cycle, limit, pause) for name, cycle in cycles.items()}
+    found = {name: cycle.use(limit, pause) for name, cycle in cycles.items()}
     return {n: use for n, use in found.items() if use is not None}, [n for n, use in found.items() if use is None]
 
 
@@ -145,7 +140,7 @@ def _pause_of(name: str, cycle: MotorCycle, limit: Limit) -> float:
     from scipy.optimize import brentq
 
     def over(pause: float) -> float:
-        use = _use(cycle, limit, pause)
+        use = cycle.use(limit, pause)
         if use is None:
             raise InputError(
                 f"the {LIMITS[limit]} of the motor at joint '{name}' is known without a pause, but not with one of "
@@ -155,8 +150,6 @@ def _pause_of(name: str, cycle: MotorCycle, limit: Limit) -> float:
 
     if over(0.0) <= REACHED:
         return 0.0
-    if limit == "rms" and (exact := cycle.pause_for_rms()) is not None:
-        return exact
     high, longest = cycle.duration, LONGEST_PAUSE * cycle.duration
     while over(high) > 0.0:
         high *= 4.0
@@ -225,10 +218,18 @@ def _nothing_known(limit: Limit, actuators: Mapping[str, Actuator]) -> str:
 
 
 def _warnings(
-    motion: Motion, mechanism: Mechanism, known: set[str], unknown: list[str], limit: Limit
+    motion: Motion,
+    mechanism: Mechanism,
+    transmissions: Sequence[CoupledTransmission],
+    known: set[str],
+    unknown: list[str],
+    limit: Limit,
 ) -> tuple[str, ...]:
     found = motion_warnings(mechanism, [motion])
-    missing = [joint.name for joint in mechanism.motors if joint.name not in known and joint.name not in unknown]
+    moved = {joint for one in transmissions for joint in one.joints}
+    axes = [joint.name for joint in mechanism.motors if joint.name not in moved]
+    axes += [motor for one in transmissions for motor in one.motors]
+    missing = [name for name in axes if name not in known and name not in unknown]
     if unknown:
         found.append(f"the limit of the {LIMITS[limit]} is unknown of the motors at {', '.join(unknown)}: left out")
     if missing:
