@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.force_table_breakpoints import force_times
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.sizing.motion_grid import motion_sides
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
@@ -153,12 +154,14 @@ def motion_history(
     states = SampledStates(motion.time, motion.position, motion.velocity, motion.acceleration)
     end = float(motion.time[-1])
     torques, multipliers = _torques_and_multipliers(mechanism, joints, actuators, states, end)
+    of_sides = motion_sides(motion).of_velocity(force_times(motion.time, end), motion.velocity)
     histories = []
     for joint, torque in zip(joints, torques.T, strict=True):
         velocity, acceleration = motion.velocity[:, joint.v], motion.acceleration[:, joint.v]
         shaft, actuator = None, actuators.get(joint.name)
         if actuator is not None and not actuator.unknown_of_torque:
-            shaft_torque, speed = actuator.shaft_torque(torque, velocity, acceleration), actuator.ratio * velocity
+            shaft_torque = actuator.shaft_torque(torque, of_sides[:, joint.v], acceleration)
+            speed = actuator.ratio * velocity
             shaft = ShaftHistory(torque=shaft_torque, speed=speed, power=shaft_torque * speed)
         histories.append(
             JointHistory(

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.force_table_breakpoints import force_times
 from bellcrank.sizing.joint_histories import SampledStates, joint_torques
+from bellcrank.sizing.motion_grid import motion_sides
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -21,12 +23,16 @@ POINTS = 1001  # a motion with fewer rows is drawn with this many points besides
 
 @dataclass(frozen=True, eq=False)
 class DrawnMotion:
-    """States of a motion, and the torques (n, len(joints)), N m or N, of the joints with one degree of freedom."""
+    """States of a motion, and the torques (n, len(joints)), N m or N, of the joints with one degree of freedom.
+
+    `sided` are the velocities (n, nv) with the signs of their sides (sizing/one_sided.py).
+    """
 
     name: str
     joints: tuple[RobotJoint, ...]
     states: SampledStates
     torque: Array
+    sided: Array
 
     def torque_of(self, joint: str) -> Array:
         """The torque (n,) of one joint."""
@@ -40,8 +46,10 @@ def drawn_motions(inputs: SizingInputs) -> list[DrawnMotion]:
     drawn = []
     for motion in motions:
         states = drawn_states(motion)
-        torque = joint_torques(mechanism, joints, actuators, states, float(states.time[-1]))
-        drawn.append(DrawnMotion(motion.name, joints, states, torque))
+        end = float(states.time[-1])
+        torque = joint_torques(mechanism, joints, actuators, states, end)
+        sided = motion_sides(motion).of_velocity(force_times(states.time, end), states.velocity)
+        drawn.append(DrawnMotion(motion.name, joints, states, torque, sided))
     return drawn
 
 

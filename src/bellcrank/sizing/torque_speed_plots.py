@@ -61,7 +61,7 @@ def shaft_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
         known = not actuator.unknown_of_torque
         for k, motion in enumerate(motions):
             _, _, v, a = motion.states
-            torque = actuator.shaft_torque(motion.torque_of(joint.name), v[:, joint.v], a[:, joint.v])
+            torque = actuator.shaft_torque(motion.torque_of(joint.name), motion.sided[:, joint.v], a[:, joint.v])
             speed = actuator.ratio * v[:, joint.v] * RPM
             if known:
                 _trace(axis, speed, actuator.safety_factor * torque, k, motion.name)

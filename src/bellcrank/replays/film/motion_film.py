@@ -32,6 +32,8 @@ from bellcrank.simulation.interpolation import signal_jumps
 from bellcrank.simulation.plot_panels import by_unit, titled_apart
 from bellcrank.simulation.run_csv import torque_unit
 from bellcrank.sizing.joint_histories import SampledStates, joint_torques
+from bellcrank.sizing.motion_grid import motion_sides
+from bellcrank.sizing.one_sided import Sides
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -68,6 +70,11 @@ class MotionSequence:
         """The difference between the film's time and each motion's time, s."""
         return [start - float(motion.time[0]) for motion, start in zip(self.motions, self.starts, strict=True)]
 
+    @cached_property
+    def sides(self) -> list[Sides]:
+        """The sides of the speeds of each motion, by which the losses of gears are judged."""
+        return [motion_sides(motion) for motion in self.motions]
+
     def torques(self, motion: Motion, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Torques (n, motors) N m or N of the motors at times (n,) s of a motion."""
         end = float(motion.time[-1])
@@ -77,6 +84,7 @@ class MotionSequence:
     def efforts(self, motion: Motion, t: Array, q: Array, v: Array, a: Array) -> list[Array]:
         """Torques at joints, and speeds and torques of motors, (n, motors) each, at times (n,) s of a motion."""
         torques = self.torques(motion, t, q, v, a)
+        v = self.sides[self.motions.index(motion)].of_velocity(t, v)  # what is still has no direction by rounding
         motors = [
             motor_speed_torque(joint, self.actuators.get(joint.name), torque, v, a)
             for joint, torque in zip(self.mechanism.motors, torques.T, strict=True)
