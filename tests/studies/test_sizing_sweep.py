@@ -293,7 +293,7 @@ def test_a_mass_of_0_is_sized_as_such() -> None:
 
 
 def test_figures_that_are_not_stated_leave_the_verdict_open(tmp_path: Path) -> None:
-    motor = "{id: m, maker: M, model: X, rotor_inertia: 5.0e-5, nominal_torque: 0.3, max_speed: 600}"
+    motor = "{id: m, maker: M, model: X, rotor_inertia: 2.0e-4, nominal_torque: 0.3, max_speed: 600}"
     gear = "{id: g, maker: M, model: Y, kind: planetary, ratio: 50, inertia: 1.0e-6, inertia_side: input}"
     scene = load_scene("geared_pendulum", {"actuators.shoulder": {"motor": _mapping(motor), "gear": _mapping(gear)}})
     study = runner(scene, link__pendulum__mass=[1.0])
