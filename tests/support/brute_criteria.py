@@ -20,7 +20,7 @@ class Brute:
     """One motor and gear on one axis of one cycle, all samples."""
 
     def __init__(self, motor: Any, gear: Any, cycle: Any, axis: int, conditions: Any) -> None:
-        self.motor, self.gear, self.cycle, self.conditions = motor, gear, cycle, conditions
+        self.motor, self.gear, self.cycle, self.axis, self.conditions = motor, gear, cycle, axis, conditions
         self.safety = safety = conditions.safety_factor
         self.load = cycle.torque[:, axis]
         self.tau = safety * self.load  # what the gear's output bears
@@ -215,7 +215,10 @@ class Brute:
         overloaded = continuous > 3.0 or not temperatures  # exponentials overflow
         winding, housing = (math.inf, math.inf) if overloaded else self.temperatures()
         longest = self.longest_above()
+        ratio = (np.max(self.cycle.inertia[:, self.axis]) / self.N**2 + value(g.inertia)) / value(m.rotor_inertia)
         found = {
+            "nominal voltage": abs(math.log(bus / value(m.nominal_voltage))) / math.log(c.voltage_ratio),
+            "inertia ratio": ratio / c.inertia_ratio,
             "motor speed": over(speed, m.max_speed),
             "continuous torque": continuous,
             "peak torque": over(np.max(np.abs(self.T)), m.peak_torque),

@@ -16,7 +16,7 @@ class PlainShaft:
         self.products = getattr(actuator, "motor", None)
         if self.products is not None:
             self.brute = self._brute(torque, speed, acceleration)
-            self.torque = self.brute.T
+            self.torque = self.brute.T / self.brute.safety
             return
         driving = torque * speed >= 0.0
         gear = np.where(driving, torque / actuator.efficiency, torque * actuator.efficiency) / actuator.ratio
@@ -26,8 +26,7 @@ class PlainShaft:
     def _brute(self, torque, speed, acceleration):
         columns = {"torque": torque, "speed": speed, "acceleration": acceleration}
         cycle = SimpleNamespace(
-            **{key: each[:, None] / (self.actuator.safety_factor if key == "torque" else 1.0)
-               for key, each in columns.items()},
+            **{key: each[:, None] for key, each in columns.items()},
             **dict.fromkeys(("static_torque", "tilting_moment", "axial_force"), np.zeros((len(torque), 1))),
             weight=self.weight, duration=self.weight.sum(),
         )  # fmt: skip

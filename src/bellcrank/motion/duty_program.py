@@ -45,6 +45,19 @@ class DutyStep:
         if (self.motion is None) == (pause == 0.0):
             raise InputError("a duty step: expected either a motion, or a pause of more than 0 s")
 
+    def as_data(self) -> dict[str, Any]:
+        """The step as a mapping of a file.
+
+        Returns:
+            The keys `motion` and `repeat`, or `pause` in s.
+
+        Example:
+            >>> from bellcrank.motion.duty_program import DutyStep
+            >>> DutyStep("pick", 3).as_data(), DutyStep(pause=2.0).as_data()
+            ({'motion': 'pick', 'repeat': 3}, {'pause': 2.0})
+        """
+        return {"pause": self.pause} if self.motion is None else {"motion": self.motion, "repeat": self.repeat}
+
 
 def duty_from_fields(fields: Fields, key: str = "duty") -> tuple[DutyStep, ...]:
     """The duty program under a key of a file, empty where the key is missing. Raises InputError."""

@@ -22,7 +22,7 @@ from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, Cy
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
 from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles
-from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics
+from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics, States
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,7 @@ def axis_loads(
     mounts: Mapping[str, Mount] | None = None,
     drives: Mapping[str, Actuator] | None = None,
     mass_tolerance: float = 0.0,
+    added: Mapping[str, AddedMass] | None = None,
 ) -> AxisLoads:
     """What the motor of each axis must deliver along the cycles of a mechanism.
 
@@ -52,6 +53,8 @@ def axis_loads(
             among the samples.
         mass_tolerance: Share by which each link's mass and inertia may be off. Each cycle is then there twice: with the
             torques that load the drive's shaft most, and with those of the largest size.
+        added: What actuators add, by the name of the axis: the largest loads with these masses are among the samples.
+            The loads are without them; `AxisLoads.with_masses` adds them.
 
     Returns:
         The loads of each cycle.
@@ -83,10 +86,22 @@ def axis_loads(
     kinematics = MountKinematics(mechanism, coupled.mounted_at, chosen)
     _check_included(mechanism, kinematics.bodies, chosen)
     model = LoadModel(kinematics, coupled.matrix)
+    included = [_included(chosen.get(body.name)) for body in kinematics.bodies]
+    changes = {
+        number: one.numbers - included[number].numbers
+        for number, body in enumerate(kinematics.bodies)
+        if (one := (added or {}).get(body.name)) is not None
+    }
     motions = [with_force_rows(mechanism, motion) for motion in motions]
     names = list(coupled.mounted_at)
     given = {names.index(name): one for name, one in (drives or {}).items() if not one.unknown_of_torque}
-    plans = planned_cycles(mechanism, motions, duty, model.joint_torques, _shafts(given, coupled.matrix))
+    plans = planned_cycles(
+        mechanism,
+        motions,
+        duty,
+        lambda *states: model.laden_torques(States(*states), changes),
+        _shafts(given, coupled.matrix),
+    )
     axes = tuple(
         Axis(
             name=body.name,
@@ -95,9 +110,9 @@ def axis_loads(
             mount=body.mount,
             mount_point=body.mount_point,
             mount_direction=body.mount_direction,
-            included=_included(chosen.get(body.name)),
+            included=there,
         )
-        for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
+        for body, kind, joints, there in zip(kinematics.bodies, coupled.kinds, coupled.joints, included, strict=True)
     )
     terms = tuple(_terms(model, plan, [axis.name for axis in axes]) for plan in plans)
     cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))

@@ -13,7 +13,7 @@ relative to its housing has no gyroscopic effect here: only its reflected inerti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -123,6 +123,21 @@ class LoadModel:
         if isinstance(self.mechanism, Linkage):  # with more motors than degrees of freedom others share this torque
             own = products(self.mechanism.force_maps(t, q)[0][:, :, self._columns], own)
         return np.asarray(torque - own)
+
+    def laden_torques(self, states: States, changes: Mapping[int, Array]) -> Array:
+        """The torques (n, k) at the motors' joints, without rotors, with the bodies at the mounts of some axes (by
+        number) changed by mass, axial and transverse inertia (3,).
+        """
+        torque = self.joint_torques(*states)
+        if not changes:
+            return torque
+        force = np.zeros((len(states.time), self.mechanism.robot.nv))
+        _, motions = self._kinematics.at(states)
+        for number, change in changes.items():
+            wrench = _newton_euler(motions[number], self.mechanism.robot.gravity) @ change
+            columns = list(self._kinematics.bodies[number].columns)
+            force[:, columns] += (motions[number].jacobian.transpose(0, 2, 1) @ wrench[:, :, None])[:, :, 0]
+        return np.asarray(torque + self._torque(self._maps(states), force) @ self.coordinates)
 
     def _felt(self, maps: _Maps, states: States, rotor: Array) -> Array:
         """The diagonal of P M Pᵀ (n, k), M without rotors."""

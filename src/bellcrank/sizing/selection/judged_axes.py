@@ -214,11 +214,15 @@ class JudgedAxes:
 
     def cycles(self, masses: Masses) -> tuple[LoadCycle, ...]:
         """The cycles of all axes where the actuators are of these classes; unknown masses are left out."""
+        return self.loads.with_masses(self.added_masses(masses))
+
+    def added_masses(self, masses: Masses) -> dict[str, AddedMass]:
+        """What actuators of these classes add, by the name of the axis, where it is known and loads an axis."""
         added: dict[str, AddedMass] = {}
         for one, body, column in zip(self.axes, masses, self.influence.T, strict=True):
             if body not in (NO_MASS, UNKNOWN_MASS) and column.any():
                 added[one.axis.name] = one.bodies.bodies[body]
-        return self.loads.with_masses(added)
+        return added
 
     def axis_loads(self, axis: int, masses: Masses) -> ReducedLoads:
         """The reduced loads of one axis."""

@@ -22,7 +22,7 @@ from bellcrank.robot.payload import Payload
 from bellcrank.sizing.axis_conditions import conditions_of
 from bellcrank.sizing.massless_motors import massless_motors
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.selection.axis_loads import Axis, AxisLoads
+from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose
@@ -130,8 +130,8 @@ def select(
     kept = _kept(keep)
     cycle_and_axes = _cycle_and_axes(subject.config, duty, transmissions, mounts)
 
-    def loads_of(drives: Mapping[str, Actuator]) -> AxisLoads:
-        return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives)
+    def loads_of(drives: Mapping[str, Actuator], added: Mapping[str, AddedMass] | None = None) -> AxisLoads:
+        return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives, added=added)
 
     loads = loads_of(_kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)))
     common = conditions_of(subject.config, None, given)
@@ -145,7 +145,9 @@ def select(
         problem = JudgedAxes(loads, pairs, of_axes, common, objective, feedback, lambda done: bar(done, done))
         chosen = choose(problem, effort)
         drives = _chosen_drives(problem, chosen.choice)
-        final = problem if set(drives) <= set(kept) else replace(problem, loads=loads_of(drives))
+        added = problem.added_masses(problem.choice_masses(chosen.choice))
+        known = set(drives) <= set(kept) and not added
+        final = problem if known else replace(problem, loads=loads_of(drives, added))
         selection = selection_of(problem, final, chosen, candidates, effort)
     robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
     warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, pairs, of_axes)]
@@ -153,7 +155,7 @@ def select(
         selection,
         robot=robot_name,
         feedback=feedback,
-        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products),
+        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products, cycle_and_axes[0]),
         warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
     )
 

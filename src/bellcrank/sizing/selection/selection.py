@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from bellcrank.actuators.catalogue import Catalogue
     from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.motion.duty_program import DutyStep
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.robot_config import RobotConfig
 
@@ -143,13 +144,15 @@ class ParetoPoint(NamedTuple):
 
 class SelectionInputs(NamedTuple):
     """What was selected for: the mechanism and its motions, which a report shows; the robot configuration, None where
-    there is none; and the products as they are stated, without assumed values.
+    there is none; the products as they are stated, without assumed values; and the duty program, None where each motion
+    is a cycle of its own.
     """
 
     mechanism: Mechanism
     motions: tuple[Motion, ...]
     config: RobotConfig | None = None
     catalogue: Catalogue | None = None
+    duty: tuple[DutyStep, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,11 +82,25 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
         for one in selection.axes
         if one.chosen is not None
     }
+    notes += _duty(selection, data)
     if payloads:
         data["payloads"] = [*data.get("payloads", []), *payloads]
         data["mounts"] = {**data.get("mounts", {}), **_mounts(selection)}
     body = yaml.safe_dump(data, allow_unicode=True, sort_keys=False, width=120)
     return "\n".join([*_comments(selection), body]), notes
+
+
+def _duty(selection: Selection, data: dict[str, Any]) -> tuple[str, ...]:
+    """Write the duty program along which motors were judged; a note where the file does not have its motions."""
+    duty = None if selection.inputs is None else selection.inputs.duty
+    if duty is None:
+        return ()
+    missing = {step.motion for step in duty if step.motion is not None} - set(data.get("motions", {}))
+    if missing:
+        names = ", ".join(f"'{name}'" for name in sorted(missing))
+        return (f"the duty program is not part of the file, which does not have its motions {names}",)
+    data["duty"] = [step.as_data() for step in duty]
+    return ()
 
 
 def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
