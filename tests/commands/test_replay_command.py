@@ -1,6 +1,7 @@
 """`bellcrank replay`, `bc.replay` and `show`: what they write, and what they refuse in one sentence."""
 
 import argparse
+import math
 import sys
 import types
 
@@ -88,9 +89,12 @@ def test_a_card_with_drives_is_sized_unless_it_is_to_be_simulated(here, capsys):
 
 
 def test_a_urdf_is_sized_over_a_motion_from_a_file(here, capsys):
-    (here / "go.csv").write_text(
-        "time [s],shoulder position [deg],elbow position [deg]\n0,9,0\n0.5,8,1\n1,7,2\n1.5,7,3\n"
-    )
+    head = "time [s],shoulder position [deg],elbow position [deg]\n"
+    (here / "few.csv").write_text(f"{head}0,9,0\n0.5,8,1\n1,7,2\n1.5,7,3\n")
+    assert given("planar_2r", "--motion", "few.csv", "--out", "few.html") == 1
+    assert "Not known: peaks that the rows of a motion do not determine" in capsys.readouterr().out
+    rows = [f"{0.02 * k},{8 + math.cos(math.pi * k / 75):.9f},{0.04 * k:.9f}\n" for k in range(76)]
+    (here / "go.csv").write_text(head + "".join(rows))
     assert given("planar_2r", "--motion", "go.csv", "--out", "go.html") == 0
     assert "go" in (here / "go.html").read_text(encoding="utf-8") and "finished" not in capsys.readouterr().out
 

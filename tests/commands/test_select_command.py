@@ -46,7 +46,7 @@ def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.Captur
     document = json.loads((out / "selection.json").read_text())
     assert set(document["files"]) == {path.name for path in out.iterdir()}
     assert {"selection.csv", "selection.json", "motors.png", "utilisation.png"} <= set(document["files"])
-    assert document["axes"][0]["chosen"] == "small+g50" and document["conditions"]["life"] == 5000.0
+    assert document["axes"][0]["chosen"] == "large+g50" and document["conditions"]["life"] == 5000.0
     assert main(["size", str(card), "--no-plots", "--out", str(tmp_path / "sized")]) == 0
     assert "inside" in capsys.readouterr().out
     # written again without pictures: those of the first time are removed
@@ -152,15 +152,17 @@ def test_options_are_read_with_their_units() -> None:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     words = (
-        "ur5 --voltage 48V --voltage-reserve 5% --winding-temperature 80 --ambient 40 --altitude 2000 "
-        "--safety-factor 1.2 --life 20000 --brake --bus-capacitance 10mF --bus-max-voltage 60 "
-        "--brake-resistor-power 200 --supply-power 1.5kW --momentary-load elbow=80Nm --assume gear.efficiency=0.7 "
+        "ur5 --voltage 48V --voltage-ratio 3 --voltage-reserve 5% --winding-temperature 80 --ambient 40 "
+        "--altitude 2000 --safety-factor 1.2 --inertia-ratio 7 --life 20000 --brake "
+        "--bus-capacitance 10mF --bus-max-voltage 60 --brake-resistor-power 200 --supply-power 1.5kW "
+        "--momentary-load elbow=80Nm --assume gear.efficiency=0.7 "
         "--assume"
     )
     given = conditions(parser.parse_args([*words.split(), "motor.rotor_inertia=20 g cm^2"]))
     assert set(given) == set(KEYS)
     assert Conditions(**given) == Conditions(
-        voltage=48.0, voltage_reserve=0.05, winding_temperature=80.0, ambient=40.0, altitude=2000.0, safety_factor=1.2,
+        voltage=48.0, voltage_ratio=3.0, voltage_reserve=0.05, winding_temperature=80.0, ambient=40.0,
+        altitude=2000.0, safety_factor=1.2, inertia_ratio=7.0,
         life=20000.0, brake=True, bus_capacitance=0.01, bus_max_voltage=60.0, brake_resistor_power=200.0,
         supply_power=1500.0, momentary_loads={"elbow": 80.0},
         assume={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},

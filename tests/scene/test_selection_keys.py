@@ -94,7 +94,8 @@ def test_size_says_what_it_leaves_out(tmp_path):
     sizing = bc.size(config_of(tmp_path))
     plain = bc.size(config_of(tmp_path, CONFIG[: CONFIG.index("actuators:")]))
     assert not sizing.unsizable and [motor.name for motor in sizing.motors] == ["left", "right"]
-    assert sum("the duty program of the configuration is not used" in text for text in sizing.warnings) == 1
+    assert sum("are judged along the duty program of the configuration" in text for text in sizing.warnings) == 1
+    assert all("in 'duty'" in one.text for motor in sizing.motors for one in motor.shaft.judged.judged)
     assert sum("torques and speeds of shoulder, elbow are those of the joints" in text for text in sizing.warnings) == 1
     assert [joint.peak_torque for joint in sizing.joints] == pytest.approx([one.peak_torque for one in plain.joints])
     assert all(joint.shaft is None for joint in sizing.joints)

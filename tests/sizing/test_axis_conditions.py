@@ -18,11 +18,13 @@ from bellcrank.sizing.axis_conditions import conditions_of
 MOTOR = "motor: {id: m, nominal_torque: 1 N m, rotor_inertia: 1.0e-5}, gear: {id: g, kind: spur, ratio: 5}"
 ROBOT = {  # a value for every key, none of which is a default
     "voltage": ("48 V", 48.0),
+    "voltage_ratio": (3, 3.0),
     "voltage_reserve": ("20 %", 0.2),
     "winding_temperature": ("80 °C", 80.0),
     "ambient": ("40 °C", 40.0),
     "altitude": (1500, 1500.0),
     "safety_factor": (1.5, 1.5),
+    "inertia_ratio": (7, 7.0),
     "life": ("20000 h", 20000.0),
     "brake": (True, True),
     "bus_capacitance": ("470 µF", 470e-6),
@@ -34,22 +36,26 @@ ROBOT = {  # a value for every key, none of which is a default
 }
 AXIS = {
     "voltage": 24.0,
+    "voltage_ratio": 1.5,
     "voltage_reserve": 0.3,
     "winding_temperature": 90.0,
     "ambient": 25.0,  # the default, which differs from what the robot says
     "altitude": 0.0,
     "safety_factor": 1.0,
+    "inertia_ratio": 5.0,
     "life": 1000.0,
     "brake": False,
     "assume": {"gear.efficiency": 0.6},
 }
 GIVEN = {
     "voltage": 36.0,
+    "voltage_ratio": 2.0,
     "voltage_reserve": 0.1,
     "winding_temperature": 25.0,
     "ambient": 30.0,
     "altitude": 500.0,
     "safety_factor": 2.0,
+    "inertia_ratio": 10.0,
     "life": None,
     "brake": True,
     "bus_capacitance": None,
@@ -185,11 +191,13 @@ def test_wrong_given_conditions_are_refused(given):
 
 NUMBERS = {
     "voltage": st.floats(1e-3, 1e4),
+    "voltage_ratio": st.floats(1.001, 1e3),
     "voltage_reserve": st.floats(0.0, 0.9),
     "winding_temperature": st.floats(-200.0, 400.0),
     "ambient": st.floats(-100.0, 300.0),
     "altitude": st.floats(-500.0, 4000.0),
     "safety_factor": st.floats(1.0, 1e6),
+    "inertia_ratio": st.floats(1e-3, 1e6),
     "life": st.none() | st.floats(1e-3, 1e9),
     "brake": st.booleans(),
     "bus_capacitance": st.floats(1e-12, 1e3),

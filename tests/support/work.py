@@ -11,7 +11,7 @@ from typing import Any
 BUDGET = {
     "kB of LLVM IR compiled": 4000,
     "evaluations of equations while stepping": 10_000_000,
-    "rows evaluated": 2_000_000,
+    "rows evaluated": 2_500_000,
     "drives judged": 1_000_000,
     "passes of the planner": 150,
     "processes started": 3,

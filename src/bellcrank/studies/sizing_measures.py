@@ -100,7 +100,9 @@ class Judged:
         joint, _, name = names[int(np.nanargmin(margins))].rpartition(".")
         more = exceeded - 1 + len(outside)
         others = f" (and {more} other limit{'s' * (more > 1)})" if more else ""
-        return f"'{joint}' exceeds {WORDS[name]} by {-np.nanmin(margins):.1%}{others}"
+        excess = -float(np.nanmin(margins))
+        amount = f"by {excess:.1%}" if math.isfinite(excess) else "without bound (no steady temperature)"
+        return f"'{joint}' exceeds {WORDS[name]} {amount}{others}"
 
     def _unknown(self, unknown: NDArray[np.bool_], names: list[str]) -> str:
         """A sentence about the first margin that is unknown, and how many others are."""
@@ -139,7 +141,7 @@ def judged(sizing: Sizing, holding: bool) -> Judged:
 
 
 def measures_of(sizing: Sizing) -> dict[str, float]:
-    """The measures of one sizing but for the smallest margins; NaN where one is unknown or infinite."""
+    """The measures of one sizing but for the smallest margins; NaN where one is unknown, −inf of a margin where a use has no bound."""
     found: dict[str, float | None] = {}
     for joint in sizing.joints:
         names = ("peak_torque", "rms_torque", "peak_speed", "peak_power", "holding_torque", "position_margin")
@@ -152,7 +154,7 @@ def measures_of(sizing: Sizing) -> dict[str, float]:
             f"{motor.name}.peak_speed": motor.peak_speed.value,
         }
         found |= _shaft_measures(motor)
-    return {name: math.nan if value is None or not math.isfinite(value) else value for name, value in found.items()}
+    return {name: math.nan if value is None else value for name, value in found.items()}
 
 
 def _shaft_units(shaft: ShaftSizing | None) -> dict[str, str]:

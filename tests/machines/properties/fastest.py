@@ -15,6 +15,8 @@ import bellcrank as bc
 REFINED = 2e-6  # of a limit: by so much a fastest motion may exceed it
 ACTIVE = 1e-3  # of a limit: nearer than this it is reached
 
+MOMENTARY = ("peak torque", "motor speed", "peak curve", "voltage limit", "peak current")
+
 
 class Fastest:
     @pytest.fixture(scope="class")
@@ -76,8 +78,9 @@ class Fastest:
         bound = 1e-4 if sized.inputs.mechanism.closed else 2e-5  # a linkage's motion is found anew from its motors'
         for joint in again.joints:
             if joint.shaft is not None:
-                for name in ("peak torque", "speed", "torque-speed curve"):
-                    assert joint.shaft.margins[name] >= -bound
+                known = joint.shaft.known_margins
+                momentary = [known[name] for name in MOMENTARY if name in known]
+                assert len(momentary) >= 3 and min(momentary) >= -bound
             if joint.effort_margin is not None:
                 assert joint.effort_margin >= -bound
 
@@ -135,8 +138,15 @@ class Fastest:
         assert tuple(row[4] for row in cells[:-1]) == fastest.active
         bc.write_motion(fastest.motion, tmp_path / "motion.csv")
         read = bc.read_motion(sized_scene.robot, tmp_path / "motion.csv")
-        close(read.position, fastest.motion.position, 1e-12)
-        close(read.acceleration, fastest.motion.acceleration, 1e-9)
+        written, kept = fastest.motion, np.isin(fastest.motion.time, read.time)
+        step = np.diff(written.time)  # rows that rounding does not separate are merged as they are read
+        close_by = 1e-3 * np.median(step)
+        assert len(written) - np.count_nonzero(step <= close_by) <= len(read) == np.count_nonzero(kept)
+        off = np.abs(read.position - written.position[kept]).max(axis=1)
+        alone = np.flatnonzero(off <= 1e-12 * np.abs(written.position).max())
+        assert len(read) - len(alone) <= np.count_nonzero(step <= close_by)
+        assert off.max() <= close_by * np.abs(written.velocity).max()
+        close(read.acceleration[alone], written.acceleration[kept][alone], 1e-9)
 
 
 class FastestInDetail(Fastest):

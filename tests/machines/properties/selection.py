@@ -25,8 +25,8 @@ def conditions_of(sized, **others):
     """Of the selection, such that the bus stores a part of what comes back."""
     energy = sum(joint.regenerated_energy for joint in sized.joints)
     return bc.Conditions(
-        voltage=45.0, voltage_ratio=1.7, voltage_reserve=0.06, winding_temperature=60.0, ambient=31.0, altitude=1300.0, safety_factor=1.1,
-        inertia_ratio=23.0,
+        voltage=45.0, voltage_ratio=1.7, voltage_reserve=0.06, winding_temperature=60.0, ambient=31.0, altitude=1300.0,
+        safety_factor=1.1, inertia_ratio=23.0,
         life=900.0, brake=True, supply_power=2.0 * sized.peak_supply_power, bus_max_voltage=60.0,
         bus_capacitance=0.002 * energy / (0.5 * (60.0**2 - 45.0**2)), brake_resistor_power=3.0 * energy,
         momentary_loads={sized.joints[0].name: 3.1 * sized.joints[0].peak_torque}, **others,

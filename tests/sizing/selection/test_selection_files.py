@@ -94,7 +94,7 @@ def test_the_verdict_tells_known_from_shown_and_from_failed(
     text = verdict(unknown)
     assert unknown.inside and not unknown.shown
     assert text.startswith("Not verified: 1 motor may be far too weak or too slow")
-    assert "- shoulder: bare+g50: voltage limit unknown" in text and "Inside" not in text
+    assert "- shoulder: bare+g160: voltage limit unknown" in text and "Inside" not in text
     assert "No known limit is exceeded" in text and "fit together, of shoulder" in text
     [axis] = unknown.axes
     assert axis.chosen is not None
@@ -373,5 +373,5 @@ def test_an_unknown_mass_is_said_and_not_written(unknown: Selection, tmp_path: P
     from bellcrank.sizing.selection.written_config import write_config
 
     path, notes = write_config(unknown, tmp_path / "chosen.yaml")
-    assert notes == ("the mass of bare+g50 is unknown, and not part of the file",)
+    assert notes == ("the mass of bare+g160 is unknown, and not part of the file",)
     assert not load_robot_config(path).payloads

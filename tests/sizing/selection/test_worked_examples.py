@@ -16,8 +16,8 @@ from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 from bellcrank.sizing.selection.gear_criteria import GearAverageSpeed, GearAverageTorque, GearRepeatedPeak
 from bellcrank.sizing.selection.judge import CRITERIA, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
+from bellcrank.sizing.selection.matching_criteria import inertia_ratio
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion, MotorSpeed, PeakTorque
-from bellcrank.sizing.selection.notes import inertia_ratio
 from bellcrank.sizing.selection.pairs import Pairs
 
 RPM = math.pi / 30.0
