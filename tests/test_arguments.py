@@ -45,6 +45,7 @@ MADE_BY = {
     "SampleStatistics": "sobol_indices",
     "Catalogue": "load_catalogue",
     "Selection": "select",
+    "DriveVerdicts": "judge",
     "FastestMotion": "time_optimal",
     "LimitCost": "time_optimal",
     "SpeedFactor": "speed_factor",
@@ -54,6 +55,7 @@ MADE_BY = {
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
 WORDS = {
+    "given": ("conditions",),
     "name": (
         "joint",
         "frame",
@@ -232,7 +234,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     selection = bc.select("geared_pendulum", catalogue=small)
     bc.write_catalogue([motor], [gear], "rows")
     belt = bc.CoupledTransmission(("swing",), ("belt_motor",), ((2.0,),))
-    chosen = bc.Actuator.of(motor, gear)
+    chosen, verdicts = bc.Actuator.of(motor, gear), bc.judge(robot, motion, {"shoulder": actuator})
     limits = {"duration": 1.0, "samples": 11, "profile": "quintic", "orientation": None, "speed": None,
               "acceleration": None, "jerk": None, "coordinates": ("x", "y"), "name": "own"}  # fmt: skip
     start = {"shoulder": 1.2, "elbow": -1.0}
@@ -257,7 +259,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Motion": (bc.Motion, {
             "joints": robot.joints, "time": motion.time, "position": motion.position, "velocity": motion.velocity,
             "acceleration": motion.acceleration, "name": "own", "notes": ("a note",), "position_noise": (0.0, 0.0),
-            "speed_noise": (0.0, 0.0)}),
+            "speed_noise": (0.0, 0.0), "forms": (), "derived_from": ""}),
         "circle": (bc.circle, {"robot": robot, "frame": "tip", "center": (1.2, 1.2, 0), "radius": 0.2, "start": start,
                                "normal": (0, 0, 1), "turns": 1.0, **limits}),
         "line": (bc.line, {"robot": robot, "frame": "tip", "end": (1.3, 0.9, 0), "start": start, "begin": None,
@@ -378,14 +380,20 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(motion, at={"t": [0.1, 0.2], "side": "after"}),
         **of(config, motion={"robot": config.robot(), "name": next(iter(config.motions))},
              robot={"extra_payloads": [payload]}),
+        "judge": (bc.judge, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
+                             "mass_tolerance": 0.1, "conditions": {"voltage": 48.0}, "payloads": [payload],
+                             "overrides": None, "trust": []}),
+        **of(verdicts, of={"axis": "shoulder"}, as_dict={}, to_json={"path": "j.json"}),
         **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
+             limit_uses={"torque": v, "speed": a}, under={"conditions": bc.Conditions(safety_factor=1.5)},
              electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
         "Actuator.continuous_torque": (chosen.continuous_torque, {"speed": 1.0}),
         "Actuator.of": (bc.Actuator.of, {"motor": motor, "gear": gear, "conditions": bc.Conditions()}),
         "Actuator.supply_power": (chosen.supply_power, {"torque": v, "speed": a}),
         "Motor": (bc.Motor, {field.name: getattr(motor, field.name) for field in fields(motor)}),
         "Gear": (bc.Gear, {field.name: getattr(gear, field.name) for field in fields(gear)}),
-        "Conditions": (bc.Conditions, {field.name: field.default for field in fields(bc.Conditions)}),
+        "Conditions": (bc.Conditions, {
+            one.name: {} if one.name == "sources" else one.default for one in fields(bc.Conditions)}),
         "Mount": (bc.Mount, {"link": "link_1", "axis": (0.0, 0.0, 1.0), "included_mass": 1.0,
                              "included_axial_inertia": 0.1, "included_transverse_inertia": 0.1}),
         "CoupledTransmission": (bc.CoupledTransmission, {
@@ -402,7 +410,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(shipped, filtered={"makers": ["maxon"], "kinds": (), "voltage": None, "exclude": ()},
              gear={"name": "apex_af042_50"}, motor={"name": "maxon_607930"}, only={"ids": ["maxon_607930"]},
              product={"name": "maxon_607930"}),
-        **of(bc.Conditions(), completed={"row": motor}, filled={"row": motor}),
+        **of(bc.Conditions(voltage=48.0), completed={"row": motor}, filled={"row": motor}, only={"names": ["voltage"]},
+             updated={"given": {"ambient": 30.0}, "source": "given"}),
         **of(belt, motor_speeds={"joint_speeds": [1.0]}, motor_torques={"joint_torques": [1.0]}),
         **of(selection, axis={"name": "shoulder"}, plot={"path": None, "what": None},
              stated={"candidate": selection.axes[0].chosen}, to_csv={"path": "c.csv"}, to_json={"path": "c.json"},

@@ -161,6 +161,10 @@ class Actuator:
             >>> actuator.under(bc.Conditions(safety_factor=2.0)).safety_factor
             2.0
         """
+        from bellcrank.actuators.conditions import Conditions
+
+        if conditions is not None:
+            arguments.instance("conditions", conditions, Conditions, "Conditions")
         if conditions is None or "safety_factor" not in conditions.given:
             return self
         return replace(self, safety_factor=conditions.safety_factor)
@@ -358,9 +362,25 @@ class Actuator:
         return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
 
     def limit_uses(self, torque: Array, speed: Array) -> Array:
-        """The share (m, n) of each of m known limits of torque over speed, at shaft torques (n,), N m, and speeds (n,),
-        rad/s.
+        """The share of each known limit of torque over speed.
+
+        Args:
+            torque: Shaft torque (n,), N m, including any safety factor.
+            speed: Shaft speed (n,), rad/s.
+
+        Returns:
+            The shares (m, n) of m limits: 1 on the limit, more outside.
+
+        Raises:
+            InputError: For arrays of different shapes.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np
+            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator.limit_uses(np.array([0.475]), np.array([100.0]))
+            array([[0.5]])
         """
+        torque, speed = arguments.alike(torque=torque, speed=speed)
         return self.curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
 
     def curve_use(self, torque: Array, speed: Array) -> Array:

@@ -39,6 +39,9 @@ def _knows_what_is_given(cls: type[T]) -> type[T]:
     def noting(self: Any, **given: Any) -> None:
         init(self, **given)
         stated = given.get("sources")  # `dataclasses.replace` passes every field, and so the sources too
+        if stated is not None:
+            expected = "a mapping of names of fields to where they come from, such as {'voltage': 'given'}"
+            stated = arguments.mapping("sources", stated, expected, where="conditions")
         names = [name for name in given if name != "sources"] if stated is None else _changed(self)
         every = dict.fromkeys(entries(self, names), GIVEN) | dict(stated or {})
         object.__setattr__(self, "sources", {name: every[name] for name in entries(self) if name in every})
@@ -117,7 +120,7 @@ class Conditions:
     @property
     def given(self) -> dict[str, Any]:
         """The fields that are stated, by name, as `updated` takes them."""
-        return self.only(self.sources)
+        return self.only(list(self.sources))
 
     def only(self, names: Iterable[str]) -> dict[str, Any]:
         """Some fields by name, as `updated` takes them.
@@ -129,7 +132,7 @@ class Conditions:
             The values; entries of `assume` and `momentary_loads` in a mapping of their own.
 
         Raises:
-            KeyError: For an entry that is not there.
+            InputError: For an entry that is not there.
 
         Example:
             >>> import bellcrank as bc
@@ -137,7 +140,10 @@ class Conditions:
             {'life': 20000.0, 'assume': {'motor.mass': 1.5}}
         """
         found: dict[str, Any] = {}
-        for each in names:
+        known = entries(self)
+        for each in arguments.several("names", names, str, "names of fields"):
+            if each not in known:
+                raise InputError(f"conditions: argument 'names': {unknown_name('field', each, known)}")
             name, _, entry = each.partition(".")
             if entry:
                 found.setdefault(name, {})[entry] = dict(getattr(self, name))[entry]
@@ -166,6 +172,7 @@ class Conditions:
             >>> cool.ambient, cool.safety_factor, cool.sources["ambient"]
             (25.0, 1.5, 'actuators.elbow')
         """
+        arguments.text("source", source, "where they come from")
         if given is None:
             return self
         stated = Conditions(**(given.given if isinstance(given, Conditions) else _mapping(given)))

@@ -205,7 +205,19 @@ class MotorWithGear(Actuator):
         return np.full(speed.shape, np.nan) if self.unknown_limits else found
 
     def limit_uses(self, torque: Array, speed: Array) -> Array:
-        """The share (m, n) of each of m known limits, at shaft torques (n,), N m, and speeds (n,), rad/s."""
+        """The share of each known limit.
+
+        Args:
+            torque: Shaft torque (n,), N m, including any safety factor.
+            speed: Shaft speed (n,), rad/s.
+
+        Returns:
+            The shares (m, n) of m limits: 1 on the limit, more outside.
+
+        Raises:
+            InputError: For arrays of different shapes.
+        """
+        torque, speed = arguments.alike(torque=torque, speed=speed)
         return self._region.uses(torque, speed)
 
     def curve_use(self, torque: Array, speed: Array) -> Array:

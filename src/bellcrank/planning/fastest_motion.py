@@ -143,8 +143,8 @@ class FastestMotion:
         Example:
             >>> import bellcrank as bc
             >>> fastest = bc.time_optimal("planar_2r", "elbow_up")
-            >>> fastest.bound.split(":")[0]
-            'optimal'
+            >>> fastest.bound.split(",")[0]
+            'no motion along the path takes less than 0.780241 s'
         """
         least = f"takes less than {self.lower_bound:.6g} s"
         if np.isnan(self.lower_bound):

@@ -131,6 +131,7 @@ class DriveVerdicts:
             >>> bc.judge("geared_pendulum").of("shoulder").state
             'inside'
         """
+        arguments.text("axis", axis, "the name of an axis")
         for one in self.drives:
             if one.axis == axis:
                 return one
@@ -148,7 +149,16 @@ class DriveVerdicts:
         return self.inside and not any(one.main_unknown for one in self.drives)
 
     def as_dict(self) -> dict[str, Any]:
-        """The verdicts as JSON holds them."""
+        """The verdicts as JSON holds them.
+
+        Returns:
+            Robot, cycles, the verdict, and each drive with its criteria.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.judge("geared_pendulum").as_dict()["inside"]
+            True
+        """
         drives = [
             {
                 "axis": one.axis,

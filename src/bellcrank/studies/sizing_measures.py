@@ -141,7 +141,7 @@ def judged(sizing: Sizing, holding: bool) -> Judged:
 
 
 def measures_of(sizing: Sizing) -> dict[str, float]:
-    """The measures of one sizing but for the smallest margins; NaN where one is unknown, −inf of a margin where a use has no bound."""
+    """The measures of one sizing but for the smallest margins; NaN where unknown, -inf of a use without bound."""
     found: dict[str, float | None] = {}
     for joint in sizing.joints:
         names = ("peak_torque", "rms_torque", "peak_speed", "peak_power", "holding_torque", "position_margin")
