@@ -74,4 +74,5 @@ def _cylinders(rows: Sequence[Motor] | Sequence[Gear]) -> Array:
     )
     nothing = mass == 0.0  # no gear: a body without mass needs no dimensions
     radius, length = np.where(nothing, 0.0, diameter) / 2.0, np.where(nothing, 0.0, length)
+    radius = radius + 0.0 * length  # of a body whose length is unknown, the diameter does not count: a point mass
     return np.column_stack([mass, mass * radius**2 / 2.0, mass * (3.0 * radius**2 + length**2) / 12.0, length])
