@@ -21,7 +21,6 @@ from bellcrank.actuators.short_time_limits import (
     peak_curves,
     short_time_limits,
     voltage_limit_source,
-    voltage_note,
 )
 
 # maxon EC 45 flat 70 W, 24 V (651614): catalogue page
@@ -115,16 +114,6 @@ def test_without_a_bus_voltage_each_motor_has_its_own() -> None:
     unknown = motor(**{**EC45, "nominal_voltage": None})
     assert np.isnan(use(unknown, "voltage limit", "electrical", 0.1, 10.0))
     assert use(unknown, "voltage limit", "electrical", 0.0, 10.0, Conditions(voltage=24.0)) > 0.0
-
-
-def test_a_bus_voltage_above_the_nominal_one_is_said() -> None:
-    note = voltage_note(motor(**EC45), Conditions(voltage=48.0))
-    assert note == (
-        "the bus voltage 48 V is above the nominal voltage 24 V of m1: the drive must limit the current, "
-        "and whether the insulation bears the voltage is not known"
-    )
-    assert voltage_note(motor(**EC45), Conditions(voltage=24.0)) == ""
-    assert voltage_note(motor(**EC45), Conditions()) == "" and voltage_note(motor(), Conditions(voltage=48.0)) == ""
 
 
 # ---- printed curves

@@ -1,4 +1,4 @@
-"""Power trains: motors with gears that drive an axis; loads at the shaft, losses, power, mass and body.
+"""Power trains: motors with gears that drive an axis; loads at the shaft, losses, power and mass.
 
 An axis has torque τ (N m or N), speed q̇ and acceleration q̈. The shaft turns at N q̇ and bears
 
@@ -181,59 +181,3 @@ class ShaftLoad:
     friction_loss: Array
     gear_loss: Array
     electrical_power: Array
-
-
-@dataclass(frozen=True)
-class Body:
-    """The body of a motor and its gear, as solid cylinders one behind the other along the joint's axis.
-
-    Attributes:
-        mass: kg; None where that of the motor or the gear is unknown.
-        axial_inertia: About the axis of the cylinders, kg m².
-        transverse_inertia: About an axis across it through the common centre of mass, kg m².
-        note: What is not known of it, and what was taken instead; empty where all is known.
-    """
-
-    mass: float | None
-    axial_inertia: float
-    transverse_inertia: float
-    note: str = ""
-
-
-def body(motor: Motor, gear: Gear = DIRECT) -> Body:
-    """Mass and inertia of a motor and gear as solid cylinders of their diameters and lengths.
-
-    Where a mass is known and a size is not, it is a point mass at the common centre; the note says so.
-
-    Args:
-        motor: The motor.
-        gear: The gear.
-
-    Returns:
-        Mass and inertia.
-
-    Example:
-        >>> from bellcrank.actuators.motor import Motor
-        >>> from bellcrank.actuators.powertrain import body
-        >>> one = body(Motor(id="m", maker="", model="", mass=0.3, diameter=0.03, length=0.064))
-        >>> round(one.axial_inertia * 1e6, 3), round(one.transverse_inertia * 1e6, 3), one.note
-        (33.75, 119.275, '')
-    """
-    parts = [("motor", motor)] + ([] if gear.kind == "direct" else [("gear", gear)])
-    unweighed = [name for name, part in parts if part.mass is None]
-    if unweighed:
-        return Body(None, 0.0, 0.0, f"the mass of the {' and '.join(unweighed)} is unknown")
-    sized = [(part.mass or 0.0, part.diameter / 2.0, part.length) for _, part in parts if part.diameter and part.length]
-    points = [name for name, part in parts if not (part.diameter and part.length)]
-    note = f"the size of the {' and '.join(points)} is unknown: a point mass" if points else ""
-    mass = sum(part.mass or 0.0 for _, part in parts)
-    weight = sum(m for m, _, _ in sized)
-    starts = np.cumsum([0.0] + [length for _, _, length in sized])
-    centres = [start + length / 2.0 for start, (_, _, length) in zip(starts, sized, strict=False)]
-    middle = sum(m * x for (m, _, _), x in zip(sized, centres, strict=True)) / weight if weight else 0.0
-    axial = sum(m * r * r / 2.0 for m, r, _ in sized)
-    transverse = sum(
-        m * (3.0 * r * r + length * length) / 12.0 + m * (x - middle) ** 2
-        for (m, r, length), x in zip(sized, centres, strict=True)
-    )
-    return Body(mass, axial, float(transverse), note)

@@ -141,13 +141,3 @@ def voltage_limit_source(motor: Motor) -> str:
     if motor.nominal_voltage is None:
         return "unknown"
     return "unknown" if motor.stall_torque is None or motor.no_load_speed is None else "stall torque and no-load speed"
-
-
-def voltage_note(motor: Motor, conditions: Conditions) -> str:
-    """A sentence where the bus voltage is above the motor's nominal voltage; empty otherwise."""
-    if conditions.voltage is None or motor.nominal_voltage is None or conditions.voltage <= motor.nominal_voltage:
-        return ""
-    return (
-        f"the bus voltage {conditions.voltage:g} V is above the nominal voltage {motor.nominal_voltage:g} V of "
-        f"{motor.id}: the drive must limit the current, and whether the insulation bears the voltage is not known"
-    )

@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from actuator_bodies import cylinders
 from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.powertrain import body
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
@@ -52,7 +52,7 @@ def loaded(loads, rows):
     """The cycles where each axis carries the body of its pair."""
     added = {}
     for axis, (motor, gear) in zip(loads.axes, rows, strict=True):
-        one = body(motor, gear)
+        one = cylinders(motor, gear)
         added[axis.name] = AddedMass(
             mass=one.mass, axial_inertia=one.axial_inertia, transverse_inertia=one.transverse_inertia
         )
@@ -122,7 +122,9 @@ def test_two_joints_with_50_pairs_equal_the_exhaustive_search(two_joints, object
     assert len(exhaustive.points) > 20
     selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7)
     assert selection.proof.startswith("optimal")
-    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=1e-9)
+    # what is chosen is sampled at its own largest uses with its own masses, every combination at those of the bare arm
+    bound = 1e-5 if objective == "margin" else 1e-9
+    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=bound)
     assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
 
 
@@ -140,7 +142,9 @@ def test_three_joints_equal_the_exhaustive_search(three_joints, objective):
     assert len(exhaustive.points) > 20
     selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7, candidates=1)
     assert selection.proof.startswith("optimal")
-    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=1e-9)
+    # what is chosen is sampled at its own largest uses with its own masses, every combination at those of the bare arm
+    bound = 1e-5 if objective == "margin" else 1e-9
+    assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=bound)
     assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
 
 

@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from actuator_bodies import cylinders
 from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.powertrain import body
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
@@ -18,7 +18,7 @@ from tests.support import actuator_bodies
 
 pytestmark = pytest.mark.tier2
 
-CONDITIONS = Conditions(voltage=48.0)
+CONDITIONS = Conditions(voltage=48.0, inertia_ratio=300.0)  # the rotors are light
 MOUNTS = {  # where motors move; that of the five-bar loads both axes, that of the four-bar its own axis
     "five_bar": {"right_motor": bc.Mount(link="left_forearm")},
     "four_bar": {"crank": bc.Mount(link="coupler_link")},
@@ -27,7 +27,7 @@ MOUNTS = {  # where motors move; that of the five-bar loads both axes, that of t
 
 def loaded(name, motor, gear):
     """The mechanism and motions with the body of the last axis's pair as a payload at its mount."""
-    config, [mount], one = bc.load_robot_config(name), MOUNTS[name].values(), body(motor, gear)
+    config, [mount], one = bc.load_robot_config(name), MOUNTS[name].values(), cylinders(motor, gear)
     payload = actuator_bodies.body(mount.link, one.mass, one.axial_inertia, one.transverse_inertia, (0.0, 0.0, 1.0))
     return mechanism_and_motions(config, config.robot([payload]))
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from actuator_bodies import cylinders
 from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.powertrain import body
 from tests.support import actuator_bodies
 
 pytestmark = pytest.mark.tier2
@@ -33,7 +33,7 @@ def bodies(found, mounts):
     """The bodies of the chosen pairs as payloads: at their mounts' origins, else at the joint on its parent link."""
     robot, payloads = arm()[0], []
     for one in found.axes:
-        added, name = body(one.chosen.motor, one.chosen.gear), one.axis.name
+        added, name = cylinders(one.chosen.motor, one.chosen.gear), one.axis.name
         figures = (added.mass, added.axial_inertia, added.transverse_inertia)
         if name in mounts:
             axis = mounts[name].axis or (0.0, 0.0, 1.0)
@@ -71,7 +71,7 @@ def test_an_included_mass_is_not_counted_twice():
     """The URDF's link_2 carries the very actuator: stated as included it counts once, unstated twice."""
     mounts = {"elbow": bc.Mount(link="link_2")}
     plain = selected(mounts)
-    added = body(plain.axes[1].chosen.motor, plain.axes[1].chosen.gear)
+    added = cylinders(plain.axes[1].chosen.motor, plain.axes[1].chosen.gear)
     figures = (added.mass, added.axial_inertia, added.transverse_inertia)
     there = actuator_bodies.body("link_2", *figures, (0.0, 0.0, 1.0))
     names = ("included_mass", "included_axial_inertia", "included_transverse_inertia")

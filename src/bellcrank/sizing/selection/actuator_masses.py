@@ -66,6 +66,12 @@ def bodies_of(motors: Sequence[Motor], gears: Sequence[Gear], motor: Indices, ge
     )
 
 
+def body_of(motor: Motor, gear: Gear) -> AddedMass | None:
+    """The body of one pair; None where a mass is unknown."""
+    first = np.zeros(1, dtype=np.intp)
+    return next(iter(bodies_of([motor], [gear], first, first).bodies), None)
+
+
 def _cylinders(rows: Sequence[Motor] | Sequence[Gear]) -> Array:
     """Mass, inertia along and across the axis, and length (n, 4) of products; NaN where unknown."""
     mass, diameter, length = (

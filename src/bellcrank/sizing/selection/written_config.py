@@ -24,12 +24,11 @@ from bellcrank.robot import catalog
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.robot_config import RobotConfig, read_config
 from bellcrank.scene.source_mapping import plain
-from bellcrank.sizing.selection.actuator_masses import bodies_of
+from bellcrank.sizing.selection.actuator_masses import body_of
 from bellcrank.sizing.selection.tables import percent, selected_for
 from bellcrank.text import file_name_here, one_line
 
 if TYPE_CHECKING:
-    from bellcrank.sizing.selection.axis_loads import AddedMass
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 _FILES = ("file", "run", "urdf", "catalogue")  # keys whose values name files or folders
@@ -147,7 +146,8 @@ def _payloads(selection: Selection, config: RobotConfig) -> tuple[list[dict[str,
 
 def _payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
     """The body of an actuator at its mount, less what the URDF contains of it; None where nothing is left."""
-    body, included = _body(chosen), one.axis.included
+    body, included = body_of(chosen.motor, chosen.gear), one.axis.included
+    assert body is not None  # its mass is known
     mass, axial, transverse = body.numbers - included.numbers
     if mass == axial == transverse == 0.0:
         return None
@@ -168,20 +168,14 @@ def _payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
     }
 
 
-def _body(chosen: Candidate) -> AddedMass:
-    """What the selection added at the mount."""
-    first = np.zeros(1, dtype=np.intp)
-    [body] = bodies_of([chosen.motor], [chosen.gear], first, first).bodies
-    return body
-
-
 def _mounts(selection: Selection) -> dict[str, dict[str, Any]]:
     """The mounts of actuators whose masses the file contains, so that another selection replaces them."""
     found = {}
     for one in selection.axes:
         if one.chosen is None or one.chosen.mass is None:
             continue
-        body = _body(one.chosen)
+        body = body_of(one.chosen.motor, one.chosen.gear)
+        assert body is not None  # its mass is known
         found[one.axis.name] = {
             "link": one.axis.mount,
             "axis": list(one.axis.mount_direction),
