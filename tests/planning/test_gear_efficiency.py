@@ -32,7 +32,7 @@ def fastest(config: bc.RobotConfig) -> bc.FastestMotion:
 def used(config: bc.RobotConfig, motion: bc.Motion) -> float:
     shaft = bc.size(config, [motion]).joint("shoulder").shaft
     assert shaft is not None
-    margins = [shaft.margins[key] for key in ("peak torque", "torque-speed curve")]
+    margins = [shaft.margins[key] for key in ("peak torque", "peak curve")]
     return 1.0 - min(margin for margin in margins if margin is not None)
 
 

@@ -133,7 +133,7 @@ def test_shipped_motors_are_kept_within_their_limits() -> None:
     found = bc.time_optimal("geared_pendulum", "lift_and_return", bc.MotionLimits(jerk={"shoulder": 2000.0}))
     shaft = bc.size("geared_pendulum", [found.motion]).joint("shoulder").shaft
     assert shaft is not None
-    assert min(shaft.margins[key] or 0.0 for key in ("peak torque", "speed", "torque-speed curve")) > -1e-3
+    assert min(shaft.margins[key] or 0.0 for key in ("peak torque", "motor speed", "peak curve")) > -1e-3
     assert found.duration > bc.time_optimal("geared_pendulum", "lift_and_return", costs=False).duration
 
 
@@ -217,7 +217,7 @@ def test_motors_of_a_linkage_with_a_free_platform_take_limits_of_jerk() -> None:
     assert jerk.max() == pytest.approx(1e3, rel=1e-3)
     residual = mechanism.residuals(motion.time, motion.position, motion.velocity, motion.acceleration)
     assert max(residual) < 1e-11
-    assert jerk_excess(motion, np.where(np.isin(np.arange(mechanism.robot.nv), motors), 1e3, np.inf)) < 1e-3
+    assert jerk_excess(motion, np.where(np.isin(np.arange(mechanism.robot.nv), motors), 1e3, np.inf))[0] < 1e-3
 
 
 def test_a_free_platform_has_no_limit_of_jerk_of_its_own() -> None:

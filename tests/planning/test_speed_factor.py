@@ -13,7 +13,7 @@ from bellcrank.simulation.scene_notes import scene_notes
 
 pytestmark = pytest.mark.tier2
 
-PEAKS = ("peak torque", "speed", "torque-speed curve")
+PEAKS = ("peak torque", "motor speed", "peak curve")
 
 
 def worst_use(config: bc.RobotConfig, motion: bc.Motion) -> float:

@@ -188,7 +188,7 @@ def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reache
     for joint in sizing.joints:
         column = robot.one_degree_joint(joint.name, "test").v
         margins = dict(joint.shaft.margins) if joint.shaft else {}
-        uses += [1.0 - margins[key] for key in ("peak torque", "speed", "torque-speed curve") if margins.get(key)]
+        uses += [1.0 - margins[key] for key in ("peak torque", "motor speed", "peak curve") if margins.get(key)]
         if not joint.shaft:
             uses.append(joint.peak_torque / robot.effort_limit[column])
         uses += [joint.peak_speed / robot.velocity_limit[column]]

@@ -172,7 +172,7 @@ class Conditions:
             >>> cool.ambient, cool.safety_factor, cool.sources["ambient"]
             (25.0, 1.5, 'actuators.elbow')
         """
-        arguments.text("source", source, "where they come from")
+        arguments.text("source", source, "where they come from", empty=True)
         if given is None:
             return self
         stated = Conditions(**(given.given if isinstance(given, Conditions) else _mapping(given)))

@@ -62,7 +62,9 @@ class Sampled:
         self.total = cycle.weight.sum()
         self.speed, self.acceleration = cycle.speed[:, axis], cycle.acceleration[:, axis]
         self.speed = np.where(np.abs(self.speed) <= 1e-9, 0.0, self.speed)
-        self.torque = factor * cycle.torque[:, axis]
+        self.factor, self.load = factor, cycle.torque[:, axis]
+        self.torque = factor * self.load  # at the gear's output
+        self.inertia = cycle.inertia[:, axis].max()
         assert cycle.sequence == ((0, cycle.interval.max() + 1, 1),)
 
     def mean(self, values):
@@ -74,11 +76,11 @@ def brute_force(motor, gear, cycle, conditions):
     direct = gear.kind == "direct"
     n, torque, speed = gear.ratio, cycle.torque, cycle.speed
     back = gear.efficiency if gear.back_efficiency is None else gear.back_efficiency
-    geared = np.where(torque * speed >= 0.0, torque / (n * gear.efficiency), torque * back / n)
-    shaft = geared + (motor.rotor_inertia + gear.inertia) * n * cycle.acceleration
+    geared = np.where(torque * speed >= 0.0, cycle.load / (n * gear.efficiency), cycle.load * back / n)
+    shaft = cycle.factor * (geared + (motor.rotor_inertia + gear.inertia) * n * cycle.acceleration)
     turning = n * speed
     friction = motor.coulomb_friction * np.sign(turning) + motor.viscous_friction * turning
-    electrical = shaft + friction
+    electrical = shaft + cycle.factor * friction
     mean_speed = cycle.mean(np.abs(turning))
     found = {}
     if not direct:
@@ -91,6 +93,8 @@ def brute_force(motor, gear, cycle, conditions):
         found["gear average torque"] = average / gear.average_torque
         hours = gear.life * (gear.rated_speed / mean_speed) * (gear.rated_torque / average) ** p
         found["gear life"] = conditions.life / hours
+    found["nominal voltage"] = abs(np.log2(conditions.voltage / motor.nominal_voltage))
+    found["inertia ratio"] = (cycle.inertia / n**2 + gear.inertia) / motor.rotor_inertia / 10.0
     found["motor speed"] = np.abs(turning).max() / motor.max_speed
     found["continuous torque"] = np.sqrt(cycle.mean(shaft**2)) / continuous(motor, mean_speed, conditions)
     found["peak torque"] = np.abs(shaft).max() / motor.peak_torque
