@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -177,8 +178,12 @@ def _load_table(selection: Selection) -> Table:
 
 
 def _status(selection: Selection) -> str:
-    if not selection.inside:
-        return "No choice" if any(axis.chosen is None for axis in selection.axes) else "Exceeded"
+    if any(axis.chosen is None for axis in selection.axes):
+        return "No choice"
+    if not replace(selection, undetermined=()).inside:
+        return "Exceeded"
+    if selection.undetermined:
+        return "Not known"
     return "OK" if selection.shown else "Passes what is known"
 
 

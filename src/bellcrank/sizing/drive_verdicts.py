@@ -97,6 +97,7 @@ class DriveVerdicts:
         cycles: Names of the cycles along which they are judged.
         axes_without: Names of the axes that have no actuator.
         warnings: Sentences about what to look at.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine.
     """
 
     drives: tuple[DriveVerdict, ...]
@@ -105,6 +106,7 @@ class DriveVerdicts:
     cycles: tuple[str, ...] = ()
     axes_without: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"DriveVerdicts('{self.robot}', {', '.join(f'{one.axis}: {one.state}' for one in self.drives)})"
@@ -140,8 +142,9 @@ class DriveVerdicts:
 
     @property
     def inside(self) -> bool:
-        """Whether no criterion is exceeded, as far as they are known."""
-        return not any(one.exceeded for one in self.drives) and all(one.verdict != "exceeded" for one in self.system)
+        """Whether no criterion is exceeded, as far as they are known, and the motions determine the peaks."""
+        exceeded = any(one.exceeded for one in self.drives) or any(one.verdict == "exceeded" for one in self.system)
+        return not exceeded and not self.undetermined
 
     @property
     def verified(self) -> bool:
@@ -177,6 +180,7 @@ class DriveVerdicts:
             "system": [one.as_dict() for one in self.system],
             "axes_without_actuator": list(self.axes_without),
             "warnings": list(self.warnings),
+            **({"undetermined": list(self.undetermined)} if self.undetermined else {}),
         }
 
     def to_json(self, path: str | Path) -> Path:

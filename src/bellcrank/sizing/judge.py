@@ -16,6 +16,7 @@ from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
 from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.motion_peaks import undetermined_peaks
 from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance
 from bellcrank.sizing.subject import OneMotion, override_notes, sizing_subject
 
@@ -91,4 +92,9 @@ def judge(
         notes.append("the duty program of the configuration is not used: the given motions are cycles of their own")
     notes += motion_warnings(subject.mechanism, subject.motions)
     name = subject.mechanism.robot.name if config is None else config.name
-    return replace(found, robot=name, warnings=tuple(dict.fromkeys([*notes, *found.warnings])))
+    return replace(
+        found,
+        robot=name,
+        warnings=tuple(dict.fromkeys([*notes, *found.warnings])),
+        undetermined=undetermined_peaks(subject.mechanism, subject.motions, drives),
+    )

@@ -10,8 +10,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks
-from bellcrank.dynamics.mechanism import coulomb_widths
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.dynamics.force_table_breakpoints import force_breaks, with_force_rows
+from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled_motion import with_every_other_row
 from bellcrank.sizing.finite_checks import refuse_non_finite, root_mean_square
@@ -86,6 +87,20 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
     if loads.unknown_supply:
         return MotionPeaks(joints, cycles, None, None, structure, doubts)
     return MotionPeaks(joints, cycles, supply, regeneration, structure, doubts)
+
+
+def undetermined_peaks(
+    mechanism: Mechanism, motions: Sequence[Motion], actuators: Mapping[str, Actuator]
+) -> tuple[str, ...]:
+    """A sentence for each joint whose peaks the rows of a sampled motion do not determine; actuators are by joint."""
+    sampled = [motion for motion in motions if motion.interpolated.any()]
+    if not sampled:
+        return ()
+    names = {joint.name for joint in mechanism.motors}
+    loads = JointLoads(mechanism, {name: one for name, one in actuators.items() if name in names}, 0.0)
+    with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
+        each = [peaks_along(loads, with_force_rows(mechanism, motion)) for motion in sampled]
+    return tuple(dict.fromkeys(text for peaks in each for text in peaks.undetermined))
 
 
 def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts
 from bellcrank.sizing.selection.selection import CriterionResult
-from bellcrank.sizing.selection.tables import percent, selected_for, wrapped
+from bellcrank.sizing.selection.tables import percent, selected_for, undetermined_lines, wrapped
 
 
 def table(verdicts: DriveVerdicts) -> str:
@@ -42,6 +42,7 @@ def verdict(verdicts: DriveVerdicts) -> str:
         motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
         lines.append(f"Not verified: {motors} may be far too weak or too slow")
         lines += [wrapped(f"{one.axis}: {_names(one.main_unknown)} unknown", "  - ", "    ") for one in weak]
+    lines += undetermined_lines(verdicts.undetermined)
     if verdicts.inside:
         lines.append(_kept(verdicts))
     if verdicts.axes_without:

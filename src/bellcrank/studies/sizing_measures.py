@@ -66,7 +66,8 @@ class Judged:
     ) -> Columns:
         """Rows with their smallest margins and verdicts.
 
-        `infeasible` and `unsizable` say why a design cannot be built, and why a motor of it cannot be sized, by row.
+        `infeasible` and `unsizable` say why a design cannot be built, and why a motor of it cannot be sized or its
+        peaks are not known, by row.
         """
         count = len(next(iter(measures.values()), ()))
         listed = [name for joint in self.joints for name in self.margins(joint)]

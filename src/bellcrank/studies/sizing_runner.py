@@ -143,7 +143,10 @@ class SizingRunner(Portable):
         return self._columns(rows)
 
     def _columns(self, rows: _Rows) -> Columns:
-        return self.judged.columns(dict(rows.measures), rows.infeasible, rows.unsizable)
+        unknown = dict(rows.unsizable)
+        if self.base.undetermined:  # by the rows of the motions, which all designs share
+            unknown = dict.fromkeys(range(len(rows.done)), self.base.undetermined[0]) | unknown
+        return self.judged.columns(dict(rows.measures), rows.infeasible, unknown)
 
     def _together(self, numbers: Array, wanted: Whole, rows: _Rows, threads: int, progress: Progress | None) -> None:
         """Fill in the rows `wanted` in blocks, but for those of designs that cannot follow a motion."""

@@ -22,6 +22,7 @@ from bellcrank.robot.payload import Payload
 from bellcrank.sizing.axis_conditions import conditions_of
 from bellcrank.sizing.massless_motors import massless_motors
 from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.motion_peaks import undetermined_peaks
 from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
@@ -157,6 +158,7 @@ def select(
         feedback=feedback,
         inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products, cycle_and_axes[0]),
         warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
+        undetermined=undetermined_peaks(subject.mechanism, subject.motions, {}),
     )
 
 

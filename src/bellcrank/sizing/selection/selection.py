@@ -176,6 +176,7 @@ class Selection(Portable):
         warnings: Sentences about what to look at.
         feedback: Whether the masses of the chosen actuators are part of the loads.
         inputs: The mechanism and its motions; None where the selection does not hold them.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine.
 
     Example:
         >>> import bellcrank as bc
@@ -197,6 +198,7 @@ class Selection(Portable):
     warnings: tuple[str, ...] = ()
     feedback: bool = True
     inputs: SelectionInputs | None = field(default=None, repr=False, compare=False)
+    undetermined: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         chosen = ", ".join(f"{one.axis.name}: {one.chosen.id if one.chosen else 'nothing fits'}" for one in self.axes)
@@ -369,9 +371,13 @@ class Selection(Portable):
 
     @property
     def inside(self) -> bool:
-        """Whether every axis has a pair that passes what is known, and no criterion of the whole robot is exceeded."""
-        return all(one.chosen is not None and one.chosen.tier != "fails" for one in self.axes) and all(
-            result.verdict != "exceeded" for result in self.system
+        """Whether every axis has a pair that passes what is known, no criterion of the whole robot is exceeded, and the
+        motions determine the peaks.
+        """
+        return (
+            not self.undetermined
+            and all(one.chosen is not None and one.chosen.tier != "fails" for one in self.axes)
+            and all(result.verdict != "exceeded" for result in self.system)
         )
 
     @property
@@ -384,8 +390,10 @@ class Selection(Portable):
     @property
     def shown(self) -> bool:
         """Whether every criterion of the chosen pairs and of the whole robot is known and kept."""
-        return all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes) and all(
-            result.verdict in ("inside", "note") for result in self.system
+        return (
+            not self.undetermined
+            and all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes)
+            and all(result.verdict in ("inside", "note") for result in self.system)
         )
 
 

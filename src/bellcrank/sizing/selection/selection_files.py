@@ -90,6 +90,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "loss": selection.loss,
         "cost": selection.cost,
         "warnings": list(selection.warnings),
+        **({"undetermined": list(selection.undetermined)} if selection.undetermined else {}),
         "conditions": _conditions(selection.conditions),
         "units": UNITS,
         "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],

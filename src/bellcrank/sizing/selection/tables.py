@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
@@ -60,6 +60,7 @@ def verdict(selection: Selection) -> str:
         motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
         lines.append(f"Not verified: {motors} may be far too weak or too slow")
         lines += [wrapped(text, "  - ", "    ") for text in weak]
+    lines += undetermined_lines(selection.undetermined)
     if selection.inside:
         lines.append(wrapped(_kept(selection)))
     unchecked = [one.axis.name for one in selection.axes if one.chosen is not None and one.chosen.fit == NOT_CHECKED]
@@ -70,6 +71,12 @@ def verdict(selection: Selection) -> str:
         lines.append("Unknown, because what they need is not stated:")
         lines += [wrapped(f"{where}: {', '.join(names)}", "  - ", "    ") for where, names in unknown]
     return "\n".join(lines)
+
+
+def undetermined_lines(texts: Sequence[str]) -> list[str]:
+    """That peaks are not known, and which; nothing where all are."""
+    title = ["Not known: peaks that the rows of a motion do not determine"] if texts else []
+    return title + [wrapped(text, "  - ", "    ") for text in texts]
 
 
 def unknown_criteria(selection: Selection) -> list[tuple[str, list[str]]]:
