@@ -382,7 +382,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              robot={"extra_payloads": [payload]}),
         "judge": (bc.judge, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
                              "mass_tolerance": 0.1, "conditions": {"voltage": 48.0}, "payloads": [payload],
-                             "overrides": None, "trust": []}),
+                             "allow_massless": [], "overrides": None, "trust": []}),
         **of(verdicts, of={"axis": "shoulder"}, as_dict={}, to_json={"path": "j.json"}),
         **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              limit_uses={"torque": v, "speed": a}, under={"conditions": bc.Conditions(safety_factor=1.5)},

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from bellcrank.commands.options import (
     add_accept_unknown,
+    add_allow_massless,
     add_robot_and_motions,
     add_set,
     add_trust,
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_conditions(parser)
     add_accept_unknown(parser)
+    add_allow_massless(parser)
     add_set(parser, "payloads.1.mass='5 kg'")
     add_trust(parser)
     parser.add_argument("--out", type=output_path, metavar="FILE", help="write every criterion as JSON to this file")
@@ -54,7 +56,15 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None:
         check_file("--out", target)
     config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
-    found = judge(config, arguments.motion or None, None, tolerance, conditions=given, payloads=payloads)
+    found = judge(
+        config,
+        arguments.motion or None,
+        None,
+        tolerance,
+        conditions=given,
+        payloads=payloads,
+        allow_massless=arguments.allow_massless,
+    )
     print(table(found))
     for text in found.warnings:
         print(wrapped(f"note: {text}", "", "  "))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.actuators.condition_fields import ROBOT_WIDE
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.motor_with_gear import MotorWithGear
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.scene.robot_config import RobotConfig
@@ -48,3 +50,10 @@ def conditions_of(
     elif actuator is not None and actuator.safety_factor != common.safety_factor:
         stated = {"safety_factor": actuator.safety_factor}
     return common.updated(stated, f"actuators.{axis}").updated(given)
+
+
+def check_momentary_loads(conditions: Conditions, axes: Sequence[str]) -> None:
+    """Refuse momentary loads of an axis that there is not (InputError)."""
+    for name in dict(conditions.momentary_loads):
+        if name not in axes:
+            raise InputError(f"conditions: momentary_loads: {unknown_name('axis', name, axes)}")

@@ -17,6 +17,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.files import json_files
 from bellcrank.messages import unknown_name
+from bellcrank.sizing.axis_conditions import check_momentary_loads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.criteria import TOLERANCE
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES
@@ -247,6 +248,8 @@ def judge_drives(
     if not drives:
         return DriveVerdicts(drives=())
     found = axis_loads(mechanism, motions, duty, transmissions, mounts, drives, mass_tolerance)
+    for one in (conditions or Conditions(), *(drive.judged_under for drive in drives.values())):
+        check_momentary_loads(one, [axis.name for axis in found.axes])
     loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
     verdicts = tuple(_verdict(one, drives[one.axis.name]) for one in loads)
     system: tuple[CriterionResult, ...] = ()

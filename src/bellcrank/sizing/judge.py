@@ -15,6 +15,7 @@ from bellcrank.files.access import Trust
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
+from bellcrank.sizing.massless_motors import refuse_massless
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.motion_peaks import undetermined_peaks
 from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance
@@ -33,6 +34,7 @@ def judge(
     *,
     conditions: Conditions | Mapping[str, Any] | None = None,
     payloads: Iterable[Payload] = (),
+    allow_massless: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> DriveVerdicts:
@@ -50,6 +52,8 @@ def judge(
         conditions: Supply, surroundings and safety, as for `select`; what is given replaces what the configuration
             states.
         payloads: Payloads besides those that the robot carries.
+        allow_massless: Links without mass that motors may move, as for `size`; other motors that move no mass are
+            refused.
         overrides: Values of a scene, configuration or URDF to change, by dotted path, as for `size`.
         trust: Folders whose files a robot configuration or URDF may name, besides those near it.
 
@@ -75,21 +79,22 @@ def judge(
             f"{name}: no motor and gear is given to judge; write them under the key 'actuators', or choose some with "
             "`bellcrank select`"
         )
+    massless = refuse_massless("verdicts", subject.mechanism, subject.motions, allow_massless)
     config = subject.config
     drives = {name: one.under(stated) for name, one in subject.actuators.items()}
     found = judge_drives(
         subject.mechanism,
         subject.motions,
         drives,
-        duty=None if config is None or motions is not None else config.duty or None,
+        duty=subject.duty,
         transmissions=() if config is None else config.transmissions,
         mounts=None if config is None else config.mounts,
         conditions=(Conditions() if config is None else config.conditions).updated(stated),
         mass_tolerance=tolerance,
     )
     notes = [] if config is None else [*config.notes, *override_notes(config)]
-    if config is not None and config.duty and motions is not None:
-        notes.append("the duty program of the configuration is not used: the given motions are cycles of their own")
+    notes += subject.duty_notes
+    notes += [*subject.mechanism.robot.findings, *subject.mechanism.robot.inertia_warnings, *massless]
     notes += motion_warnings(subject.mechanism, subject.motions)
     name = subject.mechanism.robot.name if config is None else config.name
     return replace(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank import arguments
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.motor_shares import motor_shares
 from bellcrank.errors import InputError
@@ -71,6 +72,30 @@ def massless_motors(mechanism: Mechanism, motions: Sequence[Motion], allowed: It
             f"{options}"
         )
     return MasslessMotors(refused, let_pass)
+
+
+def refuse_massless(
+    what: str, mechanism: Mechanism, motions: Sequence[Motion], allowed: Iterable[str]
+) -> tuple[str, ...]:
+    """Refuse motors that move no mass, because any actuator would seem to do; notes on those that are allowed.
+
+    Args:
+        what: For what, such as "selection".
+        mechanism: An open chain or a linkage.
+        motions: The motions.
+        allowed: Links without mass that motors may move.
+
+    Returns:
+        A sentence for each motor that is allowed to move no mass.
+
+    Raises:
+        InputError: A motor moves no mass, or an argument is wrong.
+    """
+    links = arguments.several("allow_massless", allowed, str, "names of links", alone=True)
+    found = massless_motors(mechanism, motions, links)
+    for text in found.refused.values():
+        raise InputError(f"{what} for {mechanism.robot.name}: {text}")
+    return tuple(found.allowed.values())
 
 
 def singular_joints(mechanism: Mechanism) -> dict[str, str]:

@@ -81,7 +81,7 @@ def size(
         mass_tolerance,
         links,
         config.transmissions,
-        duty=config.duty or None if motions is None else None,
+        duty=subject.duty,
         mounts=config.mounts,
         conditions=config.conditions,
     )

@@ -22,20 +22,36 @@ from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.text import one_line
 
 if TYPE_CHECKING:
+    from bellcrank.motion.duty_program import DutyStep
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 OneMotion = Motion | str | Path
+DUTY_NOT_USED = "the duty program of the configuration is not used: the given motions are cycles of their own"
 SCENE_KEYS = ("constraints", "forces", "control", "parameters", "initial", "base")  # keys of a file that affect sizing
 
 
 class SizingSubject(NamedTuple):
-    """What is sized: a mechanism over motions, each with a name of its own; the configuration where there is one."""
+    """What is sized: a mechanism over motions, each with a name of its own; the configuration where there is one.
+
+    `all_motions` says whether the motions are all of the configuration; along its duty program motors are then judged.
+    """
 
     mechanism: Mechanism
     motions: list[Motion]
     actuators: Mapping[str, Actuator]
     config: RobotConfig | None
+    all_motions: bool = False
+
+    @property
+    def duty(self) -> tuple[DutyStep, ...] | None:
+        """The duty program along which motors are judged; None: each motion is a cycle that repeats."""
+        return self.config.duty or None if self.config is not None and self.all_motions else None
+
+    @property
+    def duty_notes(self) -> tuple[str, ...]:
+        """That the duty program of the configuration is not used, where that is so."""
+        return (DUTY_NOT_USED,) if self.config is not None and self.config.duty and not self.all_motions else ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -47,7 +63,7 @@ class SizingSubject(NamedTuple):
             "loads are those of each motion as a cycle; the motors and gears are judged along the duty program of the "
             "configuration"
         )
-        return (*config.notes, *override_notes(config), *([duty] if config.duty else []))
+        return (*config.notes, *override_notes(config), *([duty] if self.duty else self.duty_notes))
 
 
 def override_notes(config: RobotConfig) -> list[str]:
@@ -116,7 +132,7 @@ def sizing_subject(
     if actuators is not None:
         config = replace(config, actuators=actuators)
     mechanism, named = mechanism_and_motions(config, config.robot(loads), motions, given)
-    return SizingSubject(mechanism, _distinct_names(named), config.actuators, config)
+    return SizingSubject(mechanism, _distinct_names(named), config.actuators, config, motions is None)
 
 
 def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:

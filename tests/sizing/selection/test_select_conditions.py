@@ -155,3 +155,44 @@ def test_every_command_says_that_the_rows_of_a_motion_do_not_determine_the_peaks
         assert known or "every other row" in swept.reasons[0]
         for each in (sizing, judged, chosen):
             assert ("Not known: peaks that the rows of a motion do not determine" in str(each)) is not known
+
+
+def test_given_motions_are_cycles_of_their_own_in_every_command(tmp_path) -> None:
+    """The duty program of a configuration names its own motions; where others are given, it is said not to be used."""
+    text = (
+        "urdf: planar_2r\nmotions:\n"
+        "  there: {kind: waypoints, times: [0, 2], positions: [{elbow: 0.2}, {elbow: 1}]}\n"
+        "  back: {kind: waypoints, times: [0, 3], positions: [{elbow: 1}, {elbow: 0.2}]}\n"
+        "duty: [there, {pause: 5}, back]\n"
+        "actuators: {elbow: {ratio: 100, rated_torque: 2, peak_torque: 6, rated_speed: 300, max_speed: 500}}\n"
+    )
+    (tmp_path / "arm.yaml").write_text(text)
+    few = load_catalogue().only(["rexroth_mhp093a_024", "beckhoff_tp050_ma_110"])
+    used = {}
+    for motions in (None, "there"):
+        found = (
+            bc.size(tmp_path / "arm.yaml", motions), bc.judge(tmp_path / "arm.yaml", motions),
+            bc.select(tmp_path / "arm.yaml", motions, few),
+        )  # fmt: skip
+        for each in found:
+            assert any("is not used: the given motions" in text for text in each.warnings) is (motions is not None)
+        sizing, judged, _ = found
+        used[motions] = judged.of("elbow").margins
+        assert dict(sizing.joint("elbow").shaft.margins) == pytest.approx(used[motions], rel=1e-9)
+    assert used[None]["continuous torque"] != pytest.approx(used["there"]["continuous torque"], abs=1e-3)
+
+
+def test_a_judge_refuses_what_it_could_not_compare(tmp_path) -> None:
+    with pytest.raises(InputError, match=r"momentary_loads: unknown axis 'elbw'; did you mean 'elbow'"):
+        bc.judge("planar_2r", conditions={"momentary_loads": {"elbw": 3.0}})
+    links = "".join(f'<link name="l{k}"/>' for k in (0, 1))
+    joint = '<joint name="j" type="revolute"><parent link="l0"/><child link="l1"/><axis xyz="0 0 1"/>'
+    limit = '<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
+    (tmp_path / "bare.urdf").write_text(f'<robot name="bare">{links}{joint}{limit}</robot>')
+    robot = bc.load_robot(tmp_path / "bare.urdf")
+    motion = bc.waypoints(robot, [0.0, 1.0], [{}, {"j": 1.0}])
+    actuators = {"j": bc.Actuator(10.0, 1.0, 2.0, 300.0, 400.0)}
+    with pytest.raises(InputError, match=r"verdicts for bare: .*'l1'"):
+        bc.judge(robot, motion, actuators)
+    allowed = bc.judge(robot, motion, actuators, allow_massless=["l1"])
+    assert allowed.inside and any("l1" in text for text in allowed.warnings)

@@ -16,14 +16,13 @@ from bellcrank.actuators.gear import DIRECT
 from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.messages import unknown_name
 from bellcrank.motion.duty_program import checked_duty
 from bellcrank.robot.payload import Payload
-from bellcrank.sizing.axis_conditions import conditions_of
-from bellcrank.sizing.massless_motors import massless_motors
+from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_of
+from bellcrank.sizing.massless_motors import refuse_massless
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.motion_peaks import undetermined_peaks
-from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads
+from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose
@@ -88,7 +87,7 @@ def select(
             that are given replace those of the robot configuration: of an axis (`actuators.NAME`), else of the robot
             (`conditions`).
         duty: The cycle: names of motions, and mappings such as {"motion": "pick", "repeat": 3} and {"pause": 2.0}; by
-            default that of the robot configuration, else each motion is a cycle that repeats.
+            default that of the robot configuration if `motions` are its own, else each motion is a cycle that repeats.
         keep: Pairs that are given, by the name of the axis: the ids "motor+gear", or "motor" with any gear.
         exclude: Ids of products to leave out.
         makers: Makers to choose from; empty: all.
@@ -127,9 +126,9 @@ def select(
     subject = sizing_subject(robot, motions, payloads, trust, overrides=overrides)
     own = None if subject.config is None else subject.config.catalogue
     products = _products(own if catalogue is None else catalogue, makers, exclude)
-    _refuse_massless(subject, allow_massless)
+    refuse_massless("selection", subject.mechanism, subject.motions, allow_massless)
     kept = _kept(keep)
-    cycle_and_axes = _cycle_and_axes(subject.config, duty, transmissions, mounts)
+    cycle_and_axes = _cycle_and_axes(subject, duty, transmissions, mounts)
 
     def loads_of(drives: Mapping[str, Actuator], added: Mapping[str, AddedMass] | None = None) -> AxisLoads:
         return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives, added=added)
@@ -137,7 +136,7 @@ def select(
     loads = loads_of(_kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)))
     common = conditions_of(subject.config, None, given)
     of_axes = [conditions_of(subject.config, axis.name, given) for axis in loads.axes]
-    _check_momentary_loads(common, loads.axes)
+    check_momentary_loads(common, [axis.name for axis in loads.axes])
     pairs = axis_pairs(loads.axes, _completed(products, of_axes), kept)
     check_prices(pairs, objective)
     if effort is None:
@@ -151,7 +150,12 @@ def select(
         final = problem if known else replace(problem, loads=loads_of(drives, added))
         selection = selection_of(problem, final, chosen, candidates, effort)
     robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
-    warnings = [*_subject_warnings(subject), *loads.warnings, *_assumed_notes(products, pairs, of_axes)]
+    warnings = [
+        *(subject.duty_notes if duty is None else ()),
+        *_subject_warnings(subject),
+        *loads.warnings,
+        *_assumed_notes(products, pairs, of_axes),
+    ]
     return replace(
         selection,
         robot=robot_name,
@@ -189,7 +193,7 @@ def _kept(given: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _cycle_and_axes(
-    config: RobotConfig | None,
+    subject: SizingSubject,
     duty: Sequence[Any] | None,
     transmissions: Iterable[CoupledTransmission] | None,
     mounts: Mapping[str, Mount] | None,
@@ -203,8 +207,9 @@ def _cycle_and_axes(
         mounts = arguments.mapping("mounts", mounts, "a mapping of names of axes to Mounts")
         for name, mount in mounts.items():
             arguments.instance(f'mounts["{name:.80}"]', mount, Mount, "a Mount")
+    config = subject.config
     if config is not None:
-        duty = config.duty or None if duty is None else duty
+        duty = subject.duty if duty is None else duty
         transmissions = config.transmissions if transmissions is None else transmissions
         mounts = config.mounts if mounts is None else mounts
     return checked_duty(duty), tuple(transmissions or ()), mounts
@@ -233,22 +238,6 @@ def _chosen_drives(problem: JudgedAxes, choice: Choice) -> dict[str, Actuator]:
             motor, gear = one.pairs.rows(pair)
             found[one.axis.name] = Actuator.of(motor, gear, conditions)
     return found
-
-
-def _refuse_massless(subject: SizingSubject, allowed: Iterable[str]) -> None:
-    """Refuse motors that move no mass: any actuator would seem to do (InputError)."""
-    links = arguments.several("allow_massless", allowed, str, "names of links", alone=True)
-    refused = massless_motors(subject.mechanism, subject.motions, links).refused
-    for text in refused.values():
-        raise InputError(f"selection for {subject.mechanism.robot.name}: {text}")
-
-
-def _check_momentary_loads(conditions: Conditions, axes: Sequence[Axis]) -> None:
-    """Refuse momentary loads of an axis that there is not (InputError)."""
-    names = [axis.name for axis in axes]
-    for name in dict(conditions.momentary_loads):
-        if name not in names:
-            raise InputError(f"conditions: momentary_loads: {unknown_name('axis', name, names)}")
 
 
 def _completed(catalogue: Catalogue, conditions: Sequence[Conditions]) -> list[Catalogue]:
