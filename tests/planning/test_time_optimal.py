@@ -441,3 +441,26 @@ def test_the_error_of_the_time_on_a_grid_is_of_first_order_in_the_cell(tmp_path:
     exact = fastest(robot, 1.9, 12.0).duration
     coarse, middle, fine = (fastest(robot, 1.9, 12.0, grid=cells).duration - exact for cells in (500, 1000, 2000))
     assert 1.9 < coarse / middle < 2.3 and 1.9 < middle / fine < 2.3
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize(
+    "forces",
+    [
+        [{"kind": "damper", "joint": "elbow", "coefficient": 3.0}],
+        [{"kind": "joint_spring", "joint": "elbow", "stiffness": 1e-9, "damping": 3.0}],
+    ],
+)
+def test_a_linear_damper_is_viscous_friction(forces: list[dict[str, Any]]) -> None:
+    """A damper of 3 N m s/rad at a joint, and the same coefficient as its friction, give the same fastest motion."""
+    friction = bc.load_scene("planar_2r", {"friction": {"elbow": {"viscous": 3.0}}})
+    damped = bc.load_scene("planar_2r", {"friction": {"elbow": {"viscous": 0.0}}, "forces": forces})
+    plain = bc.load_scene("planar_2r", {"friction": {"elbow": {"viscous": 0.0}}})
+    found, expected, without = (
+        bc.time_optimal(one, "elbow_up", costs=False).duration for one in (damped, friction, plain)
+    )
+    assert found == pytest.approx(expected, rel=1e-6)  # the search ends where limits are met to 1e-6
+    assert abs(expected - without) > 1e-4 * without
+    sizing = bc.size(damped, bc.time_optimal(damped, "elbow_up", costs=False).motion)
+    margins = [shaft.margins[key] for _, shaft in sizing.shafts for key in ("peak torque", "motor speed", "peak curve")]
+    assert min(margins) > -2e-5

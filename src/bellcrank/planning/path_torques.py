@@ -4,10 +4,10 @@ Along a path q(s), with the path speed y = ds/dt and the path acceleration u = d
 
     q̇ = q' y,    q̈ = q' u + q'' y²,    τ = M q' u + (M q'' + C(q, q') q') y² + g + friction(q' y),
 
-so that each torque is  a u + b y² + d y + c + Σ_j w_j σ(q'_j y / width_j)  with viscous friction in d and Coulomb
-friction, smoothed as in the equations of motion, in w (Bobrow, Dubowsky, Gibson, Int. J. Robotics Research 4, 1985;
-without friction). a, b and c follow from inverse dynamics at three states a place, d and w from the coefficients of
-friction at each joint through the motors' shares of it.
+so that each torque is  a u + b y² + d y + c + Σ_j w_j σ(q'_j y / width_j)  with all that is linear in the speed in d,
+viscous friction and linear dampers alike, and Coulomb friction, smoothed as in the equations of motion, in w (Bobrow,
+Dubowsky, Gibson, Int. J. Robotics Research 4, 1985; without friction). a, b, c and d follow from inverse dynamics at
+four states a place, two of which move forth and back, w from the friction of each joint through the motors' shares.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from bellcrank.planning.limit_rows import Quantity
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-5  # of the largest torque of any joint, by which smaller ones may be rounding
+NO_DAMPING = 1e-12  # of the largest torque: less that is odd in the speed is rounding
 AGREEMENT = 1e-8  # relative: the model of a torque over the path speed against inverse dynamics
 CHECKED = ((2.0, 0.0), (0.5, 1.0))  # path speeds and times at which the model is compared
 CHECKED_ACCELERATION = 0.3
@@ -85,14 +86,6 @@ class PathTorques:
         return np.array([given[j.v] if j.name in self.actuators else 0.0 for j in self.mechanism.motors])
 
     @cached_property
-    def _viscous(self) -> Array:
-        """Viscous friction (nv,) of the joints."""
-        found = np.zeros(self.mechanism.robot.nv)
-        for friction in joint_frictions(self.mechanism):
-            found[friction.column] += friction.viscous
-        return found
-
-    @cached_property
     def _coulomb(self) -> Array:
         """Of each Coulomb friction the joint forces (j, nv)."""
         dry = [friction for friction in joint_frictions(self.mechanism) if friction.coulomb > 0.0]
@@ -121,15 +114,14 @@ class PathTorques:
         equations, motors = self.mechanism.equations, self.mechanism.torque_map(t, q)
         c = motors(equations.needed(t, q, still, still))
         a = motors(equations.needed(t, q, still, first)) - c
-        b = motors(equations.needed(t, q, first, second)) - c
-        d, w = np.zeros_like(c), np.zeros((*c.shape, len(self.widths)))
-        if self._viscous.any():
-            d = motors(self._viscous * first)
-            b = b - d
+        forth, back = (motors(equations.needed(t, q, way * first, second)) for way in (1.0, -1.0))
+        b, d = (forth + back) / 2.0 - c, (forth - back) / 2.0
+        w = np.zeros((*c.shape, len(self.widths)))
         if len(self.widths):
             for k, forces in enumerate(self._coulomb):
                 w[:, :, k] = motors(np.broadcast_to(forces, first.shape))
-            b = b - self._friction(w, first, 1.0)
+            d = d - self._friction(w, first, 1.0)
+        d[np.abs(d) <= NO_DAMPING * np.abs(forth).max(initial=0.0)] = 0.0
         columns = self.columns
         return PathTerms(a - self._rotor * first[:, columns], b - self._rotor * second[:, columns], d, c, w)
 
@@ -140,8 +132,8 @@ class PathTorques:
 
     def check_states(self, q: Array, first: Array, second: Array) -> None:
         """Raise InputError where the torques at places of a path, with derivatives of the positions with respect to the
-        path, are not those of the model: where a force depends on time, or on velocity otherwise than by inertia and
-        friction.
+        path, are not those of the model: where a force depends on time, or on velocity otherwise than by inertia,
+        linear damping and friction.
         """
         terms, u = self.terms(q, first, second), CHECKED_ACCELERATION
         for speed, time in CHECKED:
@@ -153,6 +145,6 @@ class PathTorques:
             if np.any(off > 0.0):
                 joint = self.mechanism.motors[int(np.argmax(off))].name
                 raise InputError(
-                    f"the torque of joint '{joint}' depends on time, or on velocity otherwise than by inertia, viscous "
-                    "and Coulomb friction; the fastest motion along a path cannot be computed with such forces"
+                    f"the torque of joint '{joint}' depends on time, or on velocity otherwise than by inertia, linear "
+                    "damping and Coulomb friction; the fastest motion along a path cannot be computed with such forces"
                 )
