@@ -105,6 +105,7 @@ def windings(volts: dict[str, float]) -> bc.Catalogue:
     return bc.Catalogue(tuple(motors), tuple(gears))
 
 
+@pytest.mark.tier2
 @pytest.mark.parametrize(
     "volts",
     [{"small": (6.0, 24.0, 96.0), "large": (300.0, 150.0, 48.0)}, {"small": (12.0, 310.0), "large": (96.0, 24.0)},
