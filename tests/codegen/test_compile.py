@@ -4,6 +4,7 @@ import os
 import stat
 import subprocess
 import sys
+import textwrap
 
 import casadi
 import numpy as np
@@ -324,6 +325,31 @@ def test_threads_that_call_first_at_once_all_get_the_answer(fresh_cache):
     for _ in range(2):  # with an empty cache, then with a full one
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (0, "8 True\n"), done.stderr
+
+
+def test_code_is_loaded_beside_an_array_of_3_gb_with_gaps_of_a_page_above_it():
+    """Code reaches its constants within 2 GB: parts that were placed one by one could be further apart."""
+    script = """
+        import mmap
+        import casadi
+        import numpy as np
+        from bellcrank.codegen.compile import compiled
+
+        def reserved(size):
+            return mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS, prot=0)
+
+        pages = [reserved(mmap.PAGESIZE) for _ in range(4000)]
+        array = reserved(3 << 30)
+        del pages[::2]
+        x = casadi.SX.sym("x", 20)
+        terms = [casadi.sin(x[k] * (k + 1.37)) * 3.14 + casadi.exp(x[k]) * x[k - 1] for k in range(20)]
+        function = casadi.Function("gaps", [x], [casadi.vertcat(*terms)])
+        at = np.random.default_rng(0).normal(size=(9, 20))
+        found, expected = compiled("gaps", ("test",), lambda: function)(at), function(at.T).full().T
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_code_of_the_same_name_can_be_loaded_again():
