@@ -130,11 +130,13 @@ def test_the_workers_of_a_scheduler_are_used(cluster):
 @pytest.mark.tier2
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
     monkeypatch.setattr(dask_execution, "CONNECTING", 1.0)
+    before = threading.active_count()
     with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'.*start one"):
         DaskExecutor(scheduler="tcp://127.0.0.1:9").__enter__()
     for address in ("nonsense", "nonsense://x:1", "tcp://", "tcp://127.0.0.1", "inproc://1/2/3"):
         with pytest.raises(InputError, match=f"'{address}' is not the address of a Dask scheduler"):
             DaskExecutor(scheduler=address).__enter__()
+    assert threading.active_count() == before
 
 
 def test_a_scheduler_without_workers_is_said(monkeypatch):

@@ -197,6 +197,8 @@ def _client(distributed: Any, address: str) -> Any:
         client.__init__(address, timeout=CONNECTING, set_as_default=False)
     except Exception as error:  # of many kinds, if it is not a scheduler that answers
         client.status = "closed"  # or Dask tries to close it when it is freed, and complains
+        if (loop := getattr(client, "_loop_runner", None)) is not None:
+            loop.stop()  # or its thread stays
         raise InputError(
             f"no Dask scheduler answers at {reprlib.repr(address)} ({str(error)[:120]}); start one with "
             "'dask scheduler', and workers with 'dask worker ADDRESS'"
