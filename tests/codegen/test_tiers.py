@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 
@@ -76,8 +77,16 @@ def test_quickly_compiled_code_is_cached_until_optimised_code_is(fresh_cache, mo
     assert len(function.code("scalar")._loaded) == 2
 
 
+def in_optimiser():
+    return threading.current_thread().name == "bellcrank-optimiser"
+
+
+def raised(error):
+    raise error
+
+
 @pytest.mark.tier2
-@pytest.mark.parametrize("reason", ["no interpreter", "it fails"])
+@pytest.mark.parametrize("reason", ["no interpreter", "it fails", "its code cannot be loaded"])
 def test_quickly_compiled_code_stays_where_the_compiling_process_cannot_help(
     reason, fresh_cache, monkeypatch, tmp_path
 ):
@@ -85,6 +94,9 @@ def test_quickly_compiled_code_stays_where_the_compiling_process_cannot_help(
     monkeypatch.setattr(full_tier, "_optimiser", full_tier._Optimiser())
     if reason == "no interpreter":
         monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
+    elif reason == "its code cannot be loaded":
+        refuse, load = RuntimeError("no memory for code"), machine.Loaded
+        monkeypatch.setattr(machine, "Loaded", lambda *code: raised(refuse) if in_optimiser() else load(*code))
     else:
         monkeypatch.setattr(full_tier.object_code, "__file__", str(tmp_path / "none.py"))
     function, row = long_function(), samples()[0]

@@ -92,7 +92,7 @@ class _Optimiser:
                     self._stop()
                     self._thread = None
                     return
-            with contextlib.suppress(OSError, ValueError, EOFError):
+            with contextlib.suppress(OSError, ValueError, EOFError, RuntimeError, KeyError):  # of LLVM the last two
                 self._do(job)
             with self._lock:
                 self._left -= 1
