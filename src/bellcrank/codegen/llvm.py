@@ -83,7 +83,7 @@ def _target(name: str) -> Target:
 @cache
 def _jit(chosen: Target) -> Any:
     # LLVM's older linker asks for memory section by section, and ends the process where code is then more than 2 GB
-    # away from its constants. JITLink places an object as a whole, in a third of the time.
+    # away from its constants. JITLink places an object as a whole, in a quarter to half of the time.
     return llvm().create_lljit_compiler(target_machine(chosen.cpu, chosen.features, 2), use_jit_link=True)
 
 
