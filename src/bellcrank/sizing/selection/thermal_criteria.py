@@ -46,9 +46,7 @@ class Temperature(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Rise over permitted rise."""
-        peaks = pairs.once(
-            ("peak temperatures", cycle, conditions), lambda: peak_temperatures(pairs, cycle, conditions)
-        )
+        peaks = _peaks_once(pairs, cycle, conditions)
         permitted = self.limit(pairs) - conditions.ambient
         rise = peaks[:, self._columns].T - conditions.ambient
         use, bound = np.where(permitted > 0.0, rise / permitted, np.inf + 0.0 * permitted)
@@ -79,7 +77,7 @@ class Temperature(Criterion):
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The temperature and its limit; from the ambient temperature, when the winding reaches it."""
         limit = float(self.limit(pair)[0])
-        peak, most = map(float, peak_temperatures(pair, cycle, conditions)[0, self._columns])
+        peak, most = map(float, _peaks_once(pair, cycle, conditions)[0, self._columns])
         of = "" if math.isnan(limit) else f" of {limit:.4g} °C"
         when = self._when(pair, cycle, conditions)
         if math.isinf(peak):
@@ -143,6 +141,11 @@ def interval_losses(pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, Array]:
     constant, viscous = ratio * pairs.of_motor("coulomb_torque"), ratio**2 * pairs.of_motor("viscous_coefficient")
     friction = moments[:, [DIRECTION, SPEED], SPEED] @ np.stack([constant, viscous])
     return loss_per_squared_torque(pairs.motors) * np.maximum(squares, 0.0), friction
+
+
+def _peaks_once(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    """The peak temperatures, computed once for both bodies and for their texts."""
+    return pairs.once(("peak temperatures", cycle, conditions), lambda: peak_temperatures(pairs, cycle, conditions))
 
 
 def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
