@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_interval import Kernel, Rates, extremum_times
+
+FEW = 256  # motors times blocks at once: below it a call of NumPy takes the time, not its arithmetic
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ class CyclePath:
 
     Attributes:
         rates: The linear systems of the intervals; losses (n, m).
-        basis: Temperatures (2, n + 1, 3, m) above the ambient from three starts: under the heat from the ambient, and
+        basis: Temperatures (2, 3, n + 1, m) above the ambient from three starts: under the heat from the ambient, and
             without heat from 1 K of the winding and from 1 K of the housing.
         map: The map over the cycle.
     """
@@ -65,24 +68,44 @@ class CyclePath:
 
     @classmethod
     def of(cls, model: ThermalModel, heat: HeatCycle) -> CyclePath:
-        """The path of a cycle; NaN where a figure is unknown, and not finite where numbers overflow."""
+        """The path of a cycle; NaN where a figure is unknown, and not finite where numbers overflow.
+
+        Of few motors, blocks of intervals are followed at once and joined afterwards: the state is affine in its start.
+        """
         rates = model.rates(np.ascontiguousarray(heat.copper_loss.T), np.ascontiguousarray(heat.friction_loss.T))
         kernel = Kernel.of(rates, heat.duration[:, None])
-        start = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[..., None]
-        heated = np.array([1.0, 0.0, 0.0])[:, None]
+        count, size = len(heat.duration), len(model.ambient)
+        blocks = max(min(math.isqrt(count), FEW // max(size, 1)), 1)
+        length = -(-count // blocks)
+
+        def in_blocks(entry: Array) -> Array:
+            """Entries (n, m) by their place in a block, (length, 1, blocks, m); 0 fills the last block."""
+            filled = np.zeros((blocks * length, size))
+            filled[:count] = entry
+            return np.ascontiguousarray(filled.reshape(blocks, length, size).swapaxes(0, 1))[:, None]
+
+        heated = np.array([1.0, 0.0, 0.0])[:, None, None]
+        copper, friction, *entries = map(in_blocks, (rates.copper, rates.friction, *kernel))
         factor = heated * rates.factor
-        changes = np.zeros((2, 3, len(model.ambient)))
-        basis = np.empty((2, len(heat.duration) + 1, *changes.shape[1:]))
-        basis[:, 0] = start
-        for k in range(len(heat.duration)):
-            one = rates._replace(copper=rates.copper[k], friction=heated * rates.friction[k], factor=factor)
-            changes += Kernel(*(entry[k] for entry in kernel)).step(one.slope(basis[:, k]))
-            np.add(start, changes, out=basis[:, k + 1])
-        return cls(rates, basis, CycleMap(changes[:, 1:], changes[:, 0]))
+        starts = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[..., None]
+        changes = np.zeros((2, 3, length + 1, blocks, size))  # since the start of each block
+        for k in range(length):
+            one = rates._replace(copper=copper[k], friction=heated * friction[k], factor=factor)
+            step = Kernel(*(entry[k] for entry in entries)).step(one.slope(starts[..., None] + changes[:, :, k]))
+            np.add(changes[:, :, k], step, out=changes[:, :, k + 1])
+        before, change = np.empty((2, 3, 1, blocks, size)), np.zeros((2, 3, size))
+        for block in range(blocks):  # one after the other, each as a map
+            before[:, :, 0, block] = starts + change
+            change = change + _from(starts + change, changes[:, :, -1, block])
+        basis = np.empty((2, 3, blocks * length + 1, size))
+        basis[:, :, 0] = starts
+        along = before + _from(before, changes[:, :, 1:])
+        basis[:, :, 1:] = along.swapaxes(2, 3).reshape(2, 3, blocks * length, size)
+        return cls(rates, basis[:, :, : count + 1], CycleMap(change[:, 1:], change[:, 0]))
 
     def states(self, start: Array) -> Array:
         """The states (2, n + 1, m) at the ends of the intervals from a start (2, m)."""
-        return np.asarray(self.basis[:, :, 0] + self.basis[:, :, 1] * start[0] + self.basis[:, :, 2] * start[1])
+        return np.asarray(self.basis[:, 0] + self.basis[:, 1] * start[0] + self.basis[:, 2] * start[1])
 
     def highest(self, start: Array) -> Array:
         """The largest temperatures (2, n, m) above the ambient over each interval, inside it too, from a start (2, m).
@@ -103,3 +126,10 @@ class CyclePath:
                 )
                 highest[body, interval, motor] = np.fmax(highest[body, interval, motor], top)
         return np.asarray(highest)
+
+
+def _from(states: Array, changes: Array) -> Array:
+    """The changes (2, 3, ...) from three states, the first of them heated, by the changes (2, 3, ...) of the basis."""
+    moved = changes[:, None, 1] * states[0] + changes[:, None, 2] * states[1]
+    moved[:, 0] += changes[:, 0]
+    return np.asarray(moved)

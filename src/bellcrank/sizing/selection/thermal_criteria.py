@@ -215,9 +215,6 @@ def _means_and_ranges(pairs: Pairs, cycle: ReducedCycle) -> Array:
     for loss in interval_losses(pairs, cycle):
         mean = (length * cycle.passes) @ loss / cycle.duration
         above = (loss - mean) * length[:, None]
-        energy, least, most = np.zeros((3, len(pairs)))
-        for number in cycle.interval_order:
-            energy = energy + above[number]
-            least, most = np.minimum(least, energy), np.maximum(most, energy)
-        columns += [mean, most - least]
+        energy = np.cumsum(above[cycle.interval_order], axis=0)
+        columns += [mean, np.maximum(energy.max(axis=0), 0.0) - np.minimum(energy.min(axis=0), 0.0)]
     return np.column_stack(columns)
