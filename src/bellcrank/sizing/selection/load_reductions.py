@@ -14,6 +14,7 @@ and Vandenberghe, Convex Optimization, 2004, exercise 2.5 and section 4.3.)
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,21 @@ from bellcrank.sizing.selection.sample_blocks import Blocks
 
 Array = NDArray[np.float64]
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
+STRETCHES = 64  # of a cycle, in which its heat is bounded: more cost time, fewer leave more to the exact solution
+
+
+class Stretches(NamedTuple):
+    """Parts of a cycle that follow each other, of one interval or of several.
+
+    Attributes:
+        moments: (k, 5, 5) integrals over each stretch of products of features.
+        duration: (k,), s.
+        several: Whether a stretch has several intervals.
+    """
+
+    moments: Array
+    duration: Array
+    several: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,6 +134,17 @@ class ReducedCycle:
         sums = np.zeros((len(total), 5, 5))
         np.add.at(sums, self.interval, weighted[:, :, None] * self.features[:, None, :])
         return np.divide(sums, total[:, None, None], out=np.zeros_like(sums), where=total[:, None, None] > 0.0)
+
+    @cached_property
+    def stretches(self) -> Stretches:
+        """At most `STRETCHES` stretches of equally many intervals, in the order of the cycle with all passes."""
+        order = self.interval_order
+        first = np.arange(0, len(order), -(-len(order) // STRETCHES))
+        length = self.interval_duration[order]
+        moments = self.interval_moments[order] * length[:, None, None]
+        return Stretches(
+            np.add.reduceat(moments, first), np.add.reduceat(length, first), several=len(first) < len(order)
+        )
 
     @cached_property
     def forward(self) -> Array:

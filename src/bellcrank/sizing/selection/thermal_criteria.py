@@ -132,8 +132,12 @@ def heat_cycle(pairs: Pairs, cycle: ReducedCycle) -> HeatCycle:
 
 def interval_losses(pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, Array]:
     """Mean copper loss at 25 °C, and friction and iron loss (K, m), W, of each interval and pair."""
+    return _losses(pairs, cycle, cycle.interval_moments)
+
+
+def _losses(pairs: Pairs, cycle: ReducedCycle, moments: Array) -> tuple[Array, Array]:
+    """Copper loss at 25 °C, and friction and iron loss (k, m), of each pair and k matrices of second moments."""
     factors = electrical_coefficients(pairs, cycle).T
-    moments = cycle.interval_moments
     row, column = np.triu_indices(5)
     twice = np.where(row == column, 1.0, 2.0)
     squares = (moments[:, row, column] * twice) @ (factors[row] * factors[column])
@@ -209,12 +213,17 @@ def temperature_bounds(
 
 
 def _means_and_ranges(pairs: Pairs, cycle: ReducedCycle) -> Array:
-    """Mean copper loss, W, the range of the energy above it along the cycle, J, and the same of friction, (m, 4)."""
+    """Mean copper loss, W, a bound of the range of the energy above it along the cycle, J, and of friction, (m, 4).
+
+    Inside a stretch of several intervals the energy above the mean rises by at most the stretch's heat, and falls by at
+    most what the mean gives off meanwhile, because losses are not negative.
+    """
     columns: list[Array] = []
-    length = cycle.interval_duration
-    for loss in interval_losses(pairs, cycle):
-        mean = (length * cycle.passes) @ loss / cycle.duration
-        above = (loss - mean) * length[:, None]
-        energy = np.cumsum(above[cycle.interval_order], axis=0)
-        columns += [mean, np.maximum(energy.max(axis=0), 0.0) - np.minimum(energy.min(axis=0), 0.0)]
+    stretches = cycle.stretches
+    for heat in _losses(pairs, cycle, stretches.moments):
+        mean = heat.sum(axis=0) / cycle.duration
+        given = mean * stretches.duration[:, None]
+        after = np.cumsum(heat - given, axis=0)
+        highest, lowest = (after + given, after - heat) if stretches.several else (after, after)
+        columns += [mean, np.maximum(highest.max(axis=0), 0.0) - np.minimum(lowest.min(axis=0), 0.0)]
     return np.column_stack(columns)
