@@ -154,7 +154,8 @@ def test_options_are_read_with_their_units() -> None:
     words = (
         "ur5 --voltage 48V --voltage-ratio 3 --voltage-reserve 5% --winding-temperature 80 --ambient 40 "
         "--altitude 2000 --safety-factor 1.2 --inertia-ratio 7 --life 20000 --brake "
-        "--bus-capacitance 10mF --bus-max-voltage 60 --brake-resistor-power 200 --supply-power 1.5kW "
+        "--bus-capacitance 10mF --bus-max-voltage 60 --brake-resistor-power 200 --brake-resistance 5 --brake-resistor-peak-power 1kW "
+        "--supply-power 1.5kW --commutation brushless --construction housed "
         "--momentary-load elbow=80Nm --assume gear.efficiency=0.7 "
         "--assume"
     )
@@ -164,6 +165,7 @@ def test_options_are_read_with_their_units() -> None:
         voltage=48.0, voltage_ratio=3.0, voltage_reserve=0.05, winding_temperature=80.0, ambient=40.0,
         altitude=2000.0, safety_factor=1.2, inertia_ratio=7.0,
         life=20000.0, brake=True, bus_capacitance=0.01, bus_max_voltage=60.0, brake_resistor_power=200.0,
+        brake_resistance=5.0, brake_resistor_peak_power=1000.0, commutation="brushless", construction="housed",
         supply_power=1500.0, momentary_loads={"elbow": 80.0},
         assume={"gear.efficiency": 0.7, "motor.rotor_inertia": 2e-6},
     )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 from bellcrank.actuators import gear, motor
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear, GearKind
-from bellcrank.actuators.motor import Motor, MotorKind, TorqueConstantBasis
+from bellcrank.actuators.motor import Commutation, Motor, MotorKind, TorqueConstantBasis
 from bellcrank.actuators.row_checks import NOT_NEGATIVE, POSITIVE, SHARE, Range
 
 MOTOR_KINDS: tuple[str, ...] = get_args(MotorKind)
@@ -114,6 +114,7 @@ _UNITS: dict[str, str] = {  # field -> unit, of motors and gears
 _WHOLE = ("pole_pairs", "stages")
 _CHOICES: dict[str, tuple[str, ...]] = {
     "torque_constant_basis": get_args(TorqueConstantBasis),
+    "commutation": get_args(Commutation),
     "inertia_side": SIDES,
     "quality": QUALITIES,
 }

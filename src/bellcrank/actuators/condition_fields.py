@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, Final
 
-from bellcrank.actuators.conditions import BY_NAME, RANGES, Conditions
+from bellcrank.actuators.conditions import BY_NAME, CHOICES, RANGES, Conditions
 from bellcrank.actuators.product_fields import product_number
 from bellcrank.actuators.row_checks import POSITIVE, Range
 from bellcrank.errors import InputError
@@ -27,13 +27,15 @@ UNITS: Final = {  # of the fields that are numbers
     "bus_capacitance": "F",
     "bus_max_voltage": "V",
     "brake_resistor_power": "W",
+    "brake_resistance": "Ω",
+    "brake_resistor_peak_power": "W",
     "supply_power": "W",
 }
 DEFAULTS: Final = Conditions()
-KEYS: Final = (*UNITS, "brake", "momentary_loads", "assume")
+KEYS: Final = (*UNITS, *CHOICES, "brake", "momentary_loads", "assume")
 OF_AN_AXIS: Final = (  # the axes share one bus with its supply; momentary loads have the names of the axes already
     "voltage", "voltage_ratio", "voltage_reserve", "winding_temperature", "ambient", "altitude", "safety_factor",
-    "inertia_ratio", "life", "brake", "assume",
+    "inertia_ratio", "commutation", "construction", "life", "brake", "assume",
 )  # fmt: skip
 
 
@@ -75,6 +77,8 @@ def _value(fields: Fields, name: str) -> Any:
     value: Any
     if name == "brake":
         return fields.flag(name, False)
+    if name in CHOICES:
+        return fields.choice(name, CHOICES[name])
     if name == "assume":
         own = fields.mapping(name)
         value = {entry: product_number(own, entry) for entry in own}

@@ -5,17 +5,19 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Literal, TypeVar, get_args
 
 from bellcrank import arguments
 from bellcrank.actuators.gear import Gear
-from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.row_checks import NOT_NEGATIVE, TEMPERATURE, Range, check_numbers
+from bellcrank.actuators.motor import Commutation, Motor
+from bellcrank.actuators.row_checks import NOT_NEGATIVE, TEMPERATURE, Range, check_numbers, check_texts
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 Row = TypeVar("Row", Motor, Gear)
 T = TypeVar("T")
+Construction = Literal["housed", "frameless"]
+CHOICES: Final = {"commutation": get_args(Commutation), "construction": get_args(Construction)}
 GIVEN: Final = "given"  # source of what an option or an argument states
 BY_NAME: Final = ("assume", "momentary_loads")  # each entry of these has a source of its own
 HIGHEST = 4000.0  # m: the correction for altitude of IEC 60034-1 ends there
@@ -67,6 +69,8 @@ class Conditions:
         altitude: Altitude of the site above sea level, m, at most 4000.
         safety_factor: On loads' torques before they are compared with limits.
         inertia_ratio: Largest inertia of load and gear over that of the rotor, both at the shaft.
+        commutation: "brushed" or "brushless" motors only; None: both.
+        construction: "housed" motors only, or "frameless" ones (rotor and stator); None: both.
         momentary_loads: Torques (axis name, N m or N) that happen rarely, such as in an emergency stop, for the gears'
             momentary limit; a mapping is taken too and kept as pairs.
         life: Hours that gears must live (L10); None: life is reported and not judged.
@@ -74,6 +78,8 @@ class Conditions:
         bus_capacitance: F; None: unknown.
         bus_max_voltage: Voltage at which the brake resistor switches on, V; None: unknown.
         brake_resistor_power: Continuous power of the brake resistor, W; None: there is none.
+        brake_resistance: Of the brake resistor, Ω: at `bus_max_voltage` it takes at most U²/R; None: unknown.
+        brake_resistor_peak_power: What the brake resistor may take in a pulse, W; None: unknown.
         supply_power: Largest power of the supply, W; None: unknown.
         assume: Values assumed for every row that lacks them, such as {"gear.efficiency": 0.7}; kept as pairs.
         sources: Where each field that is stated comes from, by name: "given" (an argument or option), "actuators.NAME"
@@ -100,12 +106,16 @@ class Conditions:
     altitude: float = 0.0
     safety_factor: float = 1.0
     inertia_ratio: float = 10.0
+    commutation: Commutation | None = None
+    construction: Construction | None = None
     momentary_loads: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
     life: float | None = None
     brake: bool = False
     bus_capacitance: float | None = None
     bus_max_voltage: float | None = None
     brake_resistor_power: float | None = None
+    brake_resistance: float | None = None
+    brake_resistor_peak_power: float | None = None
     supply_power: float | None = None
     assume: tuple[tuple[str, float], ...] | Mapping[str, float] = ()
     sources: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
@@ -113,6 +123,7 @@ class Conditions:
     def __post_init__(self) -> None:
         where = "conditions"
         check_numbers(self, where, RANGES)
+        check_texts(self, where, CHOICES)
         object.__setattr__(self, "brake", arguments.flag("brake", self.brake, where=where))
         object.__setattr__(self, "assume", _assumed(self.assume))
         object.__setattr__(self, "momentary_loads", _momentary_loads(self.momentary_loads))

@@ -20,6 +20,7 @@ from bellcrank.actuators.row_checks import (
 
 MotorKind = Literal["motor", "frameless", "servo", "actuator", "ratings"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]
+Commutation = Literal["brushed", "brushless"]
 RANGES = {  # of numbers that are not more than 0
     "nominal_speed": NOT_NEGATIVE,  # 0: the nominal torque is stated at standstill
     "no_load_current": NOT_NEGATIVE,
@@ -51,6 +52,7 @@ class Motor:
         kind: "motor", "frameless" (rotor and stator), "servo" (with encoder, for a drive), "actuator" (with gear), or
             "ratings": what is not stated is left to the user, and only what is stated is compared.
         part_number: The maker's order number.
+        commutation: "brushed" or "brushless".
         nominal_voltage: Of the DC bus that the figures hold for, V (an AC supply: its rectified amplitude).
         torque_constant: k_t, N m/A, on the basis named next.
         torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms"
@@ -118,6 +120,7 @@ class Motor:
     model: str
     kind: MotorKind = "motor"
     part_number: str | None = None
+    commutation: Commutation | None = None
     nominal_voltage: float | None = None
     torque_constant: float | None = None
     torque_constant_basis: TorqueConstantBasis | None = None
@@ -170,7 +173,12 @@ class Motor:
     def __post_init__(self) -> None:
         arguments.text("id", self.id, "a name of the row", where="a motor")
         where = f"motor '{self.id}'"
-        check_texts(self, where, {"kind": get_args(MotorKind), "torque_constant_basis": get_args(TorqueConstantBasis)})
+        choices = {
+            "kind": get_args(MotorKind),
+            "commutation": get_args(Commutation),
+            "torque_constant_basis": get_args(TorqueConstantBasis),
+        }
+        check_texts(self, where, choices)
         check_numbers(self, where, OF_RATINGS if self.by_ratings else RANGES)
         for name in ("continuous_curve", "peak_curve"):
             object.__setattr__(self, name, torque_speed_curve(name, getattr(self, name), where))
@@ -222,6 +230,21 @@ class Motor:
     def by_ratings(self) -> bool:
         """Whether the motor is given by its ratings alone."""
         return self.kind == "ratings"
+
+    @property
+    def brushless(self) -> float | None:
+        """1 for a brushless motor, 0 for one with brushes, None where neither is stated.
+
+        A torque constant per phase current tells it too: only a brushless motor has phases.
+        """
+        if self.commutation is not None:
+            return float(self.commutation == "brushless")
+        return 1.0 if self.torque_constant_basis in ("phase_rms", "phase_peak") else None
+
+    @property
+    def frameless(self) -> bool:
+        """Whether it is a rotor and a stator without housing and bearings."""
+        return self.kind == "frameless"
 
     @property
     def power_rate(self) -> float | None:

@@ -147,6 +147,8 @@ class MotorArrays(_Indexed):
         mass: kg.
         price: In the row's currency.
         by_ratings: 1 where the motor is given by its ratings alone, else 0 (`Motor.by_ratings`).
+        brushless: 1 for a brushless motor, 0 for one with brushes (`Motor.brushless`).
+        frameless: 1 for a rotor and stator without housing, else 0 (`Motor.frameless`).
     """
 
     nominal_voltage: Array
@@ -181,6 +183,8 @@ class MotorArrays(_Indexed):
     mass: Array
     price: Array
     by_ratings: Array
+    brushless: Array
+    frameless: Array
 
     @classmethod
     def of(cls, motors: Sequence[Motor]) -> Self:

@@ -114,9 +114,17 @@ def add_conditions(parser: argparse.ArgumentParser) -> None:
         ("bus_capacitance", "F", "capacitance of the DC bus, which stores regenerated energy"),
         ("bus_max_voltage", "V", "voltage of the bus at which the brake resistor switches on"),
         ("brake_resistor_power", "W", "continuous power of the brake resistor"),
+        ("brake_resistance", "Ω", "resistance of the brake resistor, which takes at most U²/R"),
+        ("brake_resistor_peak_power", "W", "what the brake resistor may take in a pulse"),
         ("supply_power", "W", "largest power of the supply"),
     ):
         parser.add_argument(_option(name), metavar=metavar, help=meaning)
+    parser.add_argument(_option("commutation"), choices=("brushed", "brushless"), help="such motors only")
+    parser.add_argument(
+        _option("construction"),
+        choices=("housed", "frameless"),
+        help="motors with a housing only, or rotors and stators without one",
+    )
     parser.add_argument(
         "--brake",
         action=argparse.BooleanOptionalAction,
@@ -205,7 +213,7 @@ def run(arguments: argparse.Namespace) -> int:
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
     """The conditions that the options give, by the names of the fields. Raises InputError, which names the option."""
     from bellcrank.actuators.condition_fields import UNITS
-    from bellcrank.actuators.conditions import RANGES
+    from bellcrank.actuators.conditions import CHOICES, RANGES
     from bellcrank.actuators.row_checks import POSITIVE
 
     given: dict[str, Any] = {}
@@ -215,6 +223,7 @@ def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
         given[name] = number_option(
             _option(name), getattr(arguments, name), unit, above=limits.above, least=limits.least, most=most
         )
+    given |= {name: getattr(arguments, name) for name in CHOICES}
     given |= {
         "brake": arguments.brake,
         "momentary_loads": parse_momentary(arguments.momentary_load) or None,

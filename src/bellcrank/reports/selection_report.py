@@ -31,11 +31,15 @@ WORDS = {  # how a report calls a condition, and its unit
     "altitude": ("altitude", "m"),
     "safety_factor": ("safety factor on torques", ""),
     "inertia_ratio": ("allowed ratio of inertias", ""),
+    "commutation": ("commutation", ""),
+    "construction": ("construction", ""),
     "life": ("required life of gears", "h"),
     "brake": ("holding brake", ""),
     "bus_capacitance": ("bus capacitance", "F"),
     "bus_max_voltage": ("voltage that switches the brake resistor on", "V"),
     "brake_resistor_power": ("continuous power of the brake resistor", "W"),
+    "brake_resistance": ("resistance of the brake resistor", "Ω"),
+    "brake_resistor_peak_power": ("power of the brake resistor in a pulse", "W"),
     "supply_power": ("largest power of the supply", "W"),
 }
 NOISE = 1e-9  # of the largest load of any joint: rounding errors of a joint that rests, written as 0
@@ -44,6 +48,8 @@ DEFAULTS = {  # what None means
     "voltage": "each motor's nominal voltage",
     "life": "none: life is reported and not judged",
     "brake_resistor_power": "no brake resistor",
+    "commutation": "brushed or brushless",
+    "construction": "housed or frameless",
 }
 EXPLORER = """<section id="chooser-section" class="selection"><h2>Candidates</h2><div id="axis-summary"></div>
 <div id="chooser"><div id="candidates"></div><div id="pair" aria-live="polite"></div></div></section>

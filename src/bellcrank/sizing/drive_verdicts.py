@@ -281,7 +281,10 @@ def _verdict(loads: ReducedLoads, actuator: Actuator) -> DriveVerdict:
 
 def _has_bus(drives: Iterable[Actuator], conditions: Conditions) -> bool:
     """Whether the criteria of all axes together are wanted: a limit is given, or all drives are products."""
-    given = (conditions.supply_power, conditions.brake_resistor_power, conditions.bus_capacitance)
+    given = (
+        conditions.supply_power, conditions.bus_capacitance, conditions.brake_resistor_power,
+        conditions.brake_resistance, conditions.brake_resistor_peak_power,
+    )  # fmt: skip
     return any(one is not None for one in given) or not any(one.rows[0].by_ratings for one in drives)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts
 from bellcrank.sizing.selection.selection import CriterionResult
-from bellcrank.sizing.selection.tables import percent, selected_for, undetermined_lines, wrapped
+from bellcrank.sizing.selection.tables import percent, reserve_note, selected_for, undetermined_lines, wrapped
 
 
 def table(verdicts: DriveVerdicts) -> str:
@@ -60,7 +60,7 @@ def _kept(verdicts: DriveVerdicts) -> str:
         return "Nothing could be compared: the limits of the motors and gears are unknown."
     use, name, axis = max(known)
     state = "Inside as far as known" if any(one.unknown for one in verdicts.drives) else "All inside"
-    return f"{state}: the largest use is {percent(use)}, {axis}'s {name}."
+    return f"{state}: the largest use is {percent(use)}, {axis}'s {name}.{reserve_note(use)}"
 
 
 def _title(one: DriveVerdict) -> str:

@@ -125,6 +125,31 @@ def test_capacitor_and_brake_resistor(seed: int) -> None:
     assert result(judge_system(pairs, loads, Conditions()), "regenerated energy").verdict == "note"
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_brake_resistor_bears_the_largest_power_that_comes_back_while_the_capacitor_is_full(seed: int) -> None:
+    pairs, loads = chosen(2, seed)
+    (cycle,) = loads[0].cycles
+    power = -powers(pairs, loads, [25.0, 25.0])
+    mean = float(np.sum(np.maximum(power, 0.0) * cycle.weight)) / cycle.duration
+    largest = float(power.max())
+    assert largest > 2.0 * mean > 0.0, "a resistor for the mean power does not bear the peak"
+    bus = {"voltage": 48.0, "bus_max_voltage": 60.0, "bus_capacitance": 1e-9}  # takes nothing worth the name
+    for given, limit in (
+        ({"brake_resistance": 60.0**2 / (1.25 * largest)}, 1.25 * largest),  # U²/R
+        ({"brake_resistor_peak_power": 0.5 * largest}, 0.5 * largest),
+        ({"brake_resistance": 60.0**2 / largest, "brake_resistor_peak_power": 0.8 * largest}, 0.8 * largest),
+    ):
+        both = Conditions(**bus, **given, brake_resistor_power=100.0 * mean)  # type: ignore[arg-type]
+        found = result(judge_system(pairs, loads, both), "regenerated energy")
+        assert found.use == pytest.approx(largest / limit, rel=1e-6)
+        assert found.verdict == ("exceeded" if largest > limit else "inside")
+        alone = Conditions(**bus, **given)  # type: ignore[arg-type]
+        judged = result(judge_system(pairs, loads, alone), "regenerated energy")
+        assert judged.verdict == ("exceeded" if largest > limit else "unknown"), "its continuous power is not given"
+    unknown = Conditions(voltage=48.0, brake_resistance=1.0, brake_resistor_power=100.0 * mean)
+    assert result(judge_system(pairs, loads, unknown), "regenerated energy").verdict == "unknown", "U_max is not given"
+
+
 def test_unknown_losses_are_unknown_powers() -> None:
     pairs, loads = chosen(2, 1, missing=0.5)
     found = judge_system(pairs, loads, Conditions(supply_power=1e6, brake_resistor_power=1e6))

@@ -8,6 +8,7 @@ import math
 import pytest
 
 import bellcrank as bc
+from bellcrank.sizing import verdict_tables
 
 POINT_MASS = 2.0 * 0.5**2  # kg m², geared_pendulum: 2 kg on a rod of 0.5 m, about its joint
 RATIO = 50.0
@@ -72,6 +73,48 @@ def test_a_belt_axis_needs_the_rotor_that_its_maker_prints() -> None:
                    inertia=0.0)  # fmt: skip
     for rotor, verdict in ((6.0e-4, "inside"), (5.9e-4, "exceeded"), (6.1e-4, "inside")):
         assert criterion("inertia ratio", motor(rotor_inertia=rotor), gear, inertia_ratio=3.0).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("kind", "commutation", "asked", "verdict"),
+    [
+        ("motor", "brushed", {}, "note"),
+        ("motor", "brushed", {"commutation": "brushed"}, "inside"),
+        ("motor", "brushed", {"commutation": "brushless"}, "exceeded"),
+        ("motor", None, {"commutation": "brushless"}, "unknown"),
+        ("motor", None, {"construction": "housed"}, "inside"),
+        ("frameless", None, {"construction": "housed"}, "exceeded"),
+        ("frameless", None, {"construction": "housed", "commutation": "brushless"}, "exceeded"),
+        ("frameless", "brushless", {"construction": "frameless", "commutation": "brushless"}, "inside"),
+    ],
+)
+def test_a_motor_of_another_type_than_asked_for_is_refused(kind, commutation, asked, verdict) -> None:
+    found = criterion("motor type", motor(kind=kind, commutation=commutation), **asked)
+    assert found.verdict == verdict
+    assert commutation is None or commutation in found.text
+
+
+def test_a_torque_constant_per_phase_current_tells_a_brushless_motor() -> None:
+    sinusoidal = motor(commutation=None, torque_constant_basis="phase_rms")
+    assert criterion("motor type", sinusoidal, commutation="brushless").verdict == "inside"
+    assert criterion("motor type", sinusoidal, commutation="brushed").verdict == "exceeded"
+
+
+def test_only_motors_of_the_type_that_is_asked_for_are_chosen() -> None:
+    for commutation in ("brushed", "brushless"):
+        selection = bc.select("geared_pendulum", conditions={"commutation": commutation, "construction": "housed"})
+        for axis in selection.axes:
+            assert axis.chosen is not None and axis.chosen.motor.commutation == commutation
+            assert axis.chosen.motor.kind != "frameless"
+
+
+def test_a_use_close_to_its_limit_is_said_to_leave_little_reserve() -> None:
+    at_shaft = POINT_MASS / RATIO**2 + GEAR.inertia
+    for share, told in ((0.94, False), (0.96, True)):
+        actuators = {"shoulder": bc.Actuator.of(motor(rotor_inertia=at_shaft / (10.0 * share)), GEAR)}
+        found = bc.judge("geared_pendulum", actuators=actuators)
+        assert found.of("shoulder").binding.name == "inertia ratio"
+        assert ("Less than 5% is left in reserve" in verdict_tables.verdict(found)) is told
 
 
 def test_ratings_are_not_judged_by_voltage_or_inertia() -> None:

@@ -18,7 +18,7 @@ from bellcrank.errors import InputError
 pytestmark = pytest.mark.tier2
 
 CONDITIONS = Conditions(voltage=48.0)
-OF_MOTION = {"motor speed", "gear average input speed", "gear largest input speed", "nominal voltage"}
+OF_MOTION = {"motor speed", "gear average input speed", "gear largest input speed", "motor type", "nominal voltage"}
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from bellcrank.sizing.selection.gear_criteria import (
     GearRepeatedPeak,
 )
 from bellcrank.sizing.selection.load_reductions import ACCELERATION, ReducedLoads
-from bellcrank.sizing.selection.matching_criteria import InertiaRatio, NominalVoltage
+from bellcrank.sizing.selection.matching_criteria import InertiaRatio, MotorType, NominalVoltage
 from bellcrank.sizing.selection.motor_criteria import (
     ContinuousTorqueCriterion,
     HoldingBrake,
@@ -54,7 +54,7 @@ GEAR_CRITERIA: Final[tuple[Criterion, ...]] = (
 )
 # Criteria of pairs in the order of their cost: pairs that fail one group are left out of the groups that follow.
 CHEAP: Final[tuple[tuple[Criterion, ...], ...]] = (
-    (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad(), NominalVoltage(), InertiaRatio()),
+    (MotorSpeed(), HoldingBrake(), TiltingMoment(), AxialLoad(), MotorType(), NominalVoltage(), InertiaRatio()),
     (ContinuousTorqueCriterion(),),
     (PeakTorque(), PeakCurrent(), VoltageLimit(), PeakCurve()),
 )

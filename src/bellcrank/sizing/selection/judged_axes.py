@@ -26,7 +26,7 @@ from bellcrank.sizing.selection.selection import Objective
 
 Array = NDArray[np.float64]
 OF_MOTION = frozenset(
-    {"motor speed", "gear average input speed", "gear largest input speed", "nominal voltage"}
+    {"motor speed", "gear average input speed", "gear largest input speed", "motor type", "nominal voltage"}
 )  # whatever the torques
 MAIN = frozenset(  # a pair of which one of these is unknown may be far too weak
     {"motor speed", "continuous torque", "peak torque", "peak current", "voltage limit", "gear repeated peak torque"}

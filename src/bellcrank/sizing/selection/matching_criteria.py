@@ -17,6 +17,45 @@ from bellcrank.sizing.selection.selection import CriterionResult
 COMMON_BUS = "common bus"
 
 
+class MotorType(Criterion):
+    """Whether the motor is of the wanted commutation and construction; a note where neither is asked for.
+
+    Brushes wear, and a motor with them needs another drive than a brushless one; a frameless motor has no housing and
+    no bearings. Its use is 0 where the motor is of the wanted type, and infinite where it is not.
+    """
+
+    name = "motor type"
+    formula = "commutation and construction as asked for"
+    source = "the motor's data sheet"
+    needs = (("motor.commutation",),)
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """All pairs, where one of the two is asked for."""
+        return np.full(len(pairs), conditions.commutation is not None or conditions.construction is not None)
+
+    def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """0 or infinity; NaN where the commutation is asked for and not stated, and nothing else decides."""
+        use = np.zeros(len(pairs))
+        if conditions.commutation is not None:
+            wanted = float(conditions.commutation == "brushless")
+            brushless = pairs.of_motor("brushless")
+            use = np.where(np.isnan(brushless), np.nan, np.where(brushless == wanted, 0.0, np.inf))
+        if conditions.construction is not None:
+            wanted = float(conditions.construction == "frameless")
+            use = np.where(pairs.of_motor("frameless") == wanted, use, np.inf)
+        return use
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """What the motor is, and what is asked for."""
+        asked = [text for text in (conditions.commutation, conditions.construction) if text is not None]
+        brushless = float(pair.of_motor("brushless")[0])
+        known = [] if math.isnan(brushless) else ["brushless" if brushless else "brushed"]
+        known.append("frameless" if pair.of_motor("frameless")[0] else "housed")
+        text = f"the motor is {' and '.join(known)}; asked for: {' and '.join(asked) or 'no type'}"
+        lacks = conditions.commutation is not None and math.isnan(brushless)
+        return f"{text}; {self.missing(pair)}" if lacks else text
+
+
 class NominalVoltage(Criterion):
     """The motor's nominal voltage against that of the bus, in both directions; a note where no bus voltage is given.
 

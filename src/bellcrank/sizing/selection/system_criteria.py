@@ -102,20 +102,42 @@ def _regeneration(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditio
     given_back = float(np.sum(np.maximum(-power, 0.0) * cycle.weight))
     text = f"{given_back:.4g} J come back to the bus {name}"
     capacity, resistor = bus_capacity(pairs, conditions), conditions.brake_resistor_power
-    if resistor is None:
+    peaks = _resistor_peaks(conditions)
+    if resistor is None and not peaks:
         if math.isnan(capacity):
             missing = "neither a brake resistor nor the bus capacitance with both voltages is given"
             return CriterionResult(name=REGENERATION, use=None, verdict="note", text=f"{text}; not judged: {missing}")
         needed = stored_energy(energy, cycle, math.inf).largest
         text = f"{text}, the capacitor must take up to {needed:.4g} J of {capacity:.4g} J"
         return _judged(REGENERATION, needed / capacity if capacity > 0.0 else math.inf, text)
-    overflow = stored_energy(energy, cycle, 0.0 if math.isnan(capacity) else capacity).overflow / cycle.duration
-    without = ", without a capacitor (its capacitance or voltages are not given)" if math.isnan(capacity) else ""
-    text = f"{text}; the brake resistor takes {overflow:.4g} W of {resistor:.4g} W on average{without}"
-    use = 0.0 if overflow == 0.0 else overflow / resistor if resistor > 0.0 else math.inf
-    if math.isnan(capacity) and exceeds(use):
+    stored = stored_energy(energy, cycle, 0.0 if math.isnan(capacity) else capacity)
+    overflow, largest = stored.overflow / cycle.duration, stored.overflow_power
+    text += f"; the brake resistor takes {overflow:.4g} W{_of(resistor)} on average"
+    text += f", {largest:.4g} W{_of(min(peaks))} at most" if peaks else ""
+    text += ", without a capacitor (its capacitance or voltages are not given)" if math.isnan(capacity) else ""
+    limits = [(overflow, math.nan if resistor is None else resistor), *((largest, peak) for peak in peaks)]
+    uses = [0.0 if power == 0.0 else power / limit if limit != 0.0 else math.inf for power, limit in limits]
+    use = max((one for one in uses if not math.isnan(one)), default=0.0)
+    if math.isnan(capacity) if exceeds(use) else any(map(math.isnan, uses)):
         return CriterionResult(name=REGENERATION, use=None, verdict="unknown", text=text)
     return _judged(REGENERATION, use, text)
+
+
+def _of(limit: float | None) -> str:
+    return " (its limit is not known)" if limit is None or math.isnan(limit) else f" of {limit:.4g} W"
+
+
+def _resistor_peaks(conditions: Conditions) -> list[float]:
+    """What limits the power of the brake resistor at one instant, W: U_max²/R, NaN without U_max, and its pulse power.
+
+    Source: P = U²/R at the voltage that switches it on.
+    """
+    voltage = math.nan if conditions.bus_max_voltage is None else conditions.bus_max_voltage
+    resistance, pulse = conditions.brake_resistance, conditions.brake_resistor_peak_power
+    return [
+        *([] if resistance is None else [voltage**2 / resistance]),
+        *([] if pulse is None else [pulse]),
+    ]
 
 
 def bus_capacity(pairs: Sequence[Pairs], conditions: Conditions) -> float:
@@ -135,10 +157,12 @@ class StoredEnergy(NamedTuple):
     Attributes:
         largest: Largest stored energy, J.
         overflow: Energy that it could not take, J.
+        overflow_power: Largest power that comes back while it cannot take it, W.
     """
 
     largest: float
     overflow: float
+    overflow_power: float
 
 
 class _Store(NamedTuple):
@@ -168,27 +192,30 @@ def stored_energy(energy: Array, cycle: ReducedCycle, capacity: float) -> Stored
     Returns:
         Largest stored energy, infinite where it grows from cycle to cycle, and overflow.
     """
-    parts = [energy[slice(*np.searchsorted(cycle.interval, [a, b]))].tolist() for a, b, _ in cycle.sequence]
+    places = [slice(*np.searchsorted(cycle.interval, [a, b])) for a, b, _ in cycle.sequence]
+    parts = [energy[place].tolist() for place in places]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        powers = [np.nan_to_num(energy[place] / cycle.pass_weight[place]).tolist() for place in places]
     whole = _Store(0.0, 0.0, capacity)
     for part, (_, _, passes) in zip(parts, cycle.sequence, strict=True):
         whole = whole.then(_repeated(part, passes, capacity))
     if math.isinf(capacity) and whole.change > 0.0:
-        return StoredEnergy(math.inf, 0.0)
+        return StoredEnergy(math.inf, 0.0, 0.0)
     state = whole.most if whole.change > 0.0 else whole.least if whole.change < 0.0 else whole.after(0.0)
-    largest, overflow = state, 0.0
-    for part, (_, _, passes) in zip(parts, cycle.sequence, strict=True):
+    largest, overflow, highest = state, 0.0, 0.0
+    for part, power, (_, _, passes) in zip(parts, powers, cycle.sequence, strict=True):
         for number in range(passes):
             before, spilled = state, 0.0
-            for change in part:
+            for change, rate in zip(part, power, strict=True):
                 state = max(state + change, 0.0)
                 if state > capacity:
-                    spilled, state = spilled + state - capacity, capacity
+                    spilled, state, highest = spilled + state - capacity, capacity, max(highest, rate)
                 largest = max(largest, state)
             overflow += spilled
             if state == before:  # the passes that follow are the same
                 overflow += spilled * (passes - number - 1)
                 break
-    return StoredEnergy(largest, overflow)
+    return StoredEnergy(largest, overflow, highest)
 
 
 def _repeated(part: list[float], passes: int, capacity: float) -> _Store:

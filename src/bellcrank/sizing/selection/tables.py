@@ -18,6 +18,7 @@ NOTHING = "nothing fits"
 NOT_CHECKED = "fit not checked"
 WIDTH = 100  # characters of a line of the terminal
 CLASSES = {"all criteria shown": "all met", "passes what is known": "some unknown", "fails": "fails"}
+LITTLE_RESERVE = 0.95  # use from which a verdict says so: loads and data sheets are rarely known to 5 %
 OF_WIDTH = 16  # characters of the name of a criterion, where the table is too wide
 AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margin": "largest margin"}
 
@@ -142,6 +143,8 @@ def condition_text(conditions: Conditions, name: str, source: bool = True) -> st
     where = f" ({conditions.sources[name]})" if source and name in conditions.sources else ""
     if value is None:
         text = "the nominal voltage of each motor" if name == "voltage" else "none"
+    elif isinstance(value, str):
+        text = value
     elif isinstance(value, bool):
         text = "required" if value else "not required"
     else:
@@ -313,9 +316,17 @@ def _kept(selection: Selection) -> str:
     use, where = max(uses)
     largest = f"{percent(use)}, {where}"
     if selection.shown:
-        return f"All inside: every axis has a motor that keeps all criteria; the largest use is {largest}."
-    if maybe_too_weak(selection):
-        return f"No known limit is exceeded; the largest known use is {largest}."
-    return (
-        f"Inside as far as known: every axis has a motor that passes what is known; the largest known use is {largest}."
-    )
+        text = f"All inside: every axis has a motor that keeps all criteria; the largest use is {largest}."
+    elif maybe_too_weak(selection):
+        text = f"No known limit is exceeded; the largest known use is {largest}."
+    else:
+        known = "every axis has a motor that passes what is known"
+        text = f"Inside as far as known: {known}; the largest known use is {largest}."
+    return text + reserve_note(use)
+
+
+def reserve_note(use: float) -> str:
+    """A sentence where the largest use leaves little to what the model does not contain; else nothing."""
+    if use < LITTLE_RESERVE:
+        return ""
+    return f" Less than {1.0 - LITTLE_RESERVE:.0%} is left in reserve; a safety factor asks for more."
