@@ -154,8 +154,8 @@ def test_options_are_read_with_their_units() -> None:
     words = (
         "ur5 --voltage 48V --voltage-ratio 3 --voltage-reserve 5% --winding-temperature 80 --ambient 40 "
         "--altitude 2000 --safety-factor 1.2 --inertia-ratio 7 --life 20000 --brake "
-        "--bus-capacitance 10mF --bus-max-voltage 60 --brake-resistor-power 200 --brake-resistance 5 --brake-resistor-peak-power 1kW "
-        "--supply-power 1.5kW --commutation brushless --construction housed "
+        "--bus-capacitance 10mF --bus-max-voltage 60 --brake-resistor-power 200 --brake-resistance 5 "
+        "--brake-resistor-peak-power 1kW --supply-power 1.5kW --commutation brushless --construction housed "
         "--momentary-load elbow=80Nm --assume gear.efficiency=0.7 "
         "--assume"
     )

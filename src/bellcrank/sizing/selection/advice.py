@@ -6,6 +6,7 @@ and only what then passes all known criteria is named.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -18,9 +19,11 @@ from bellcrank.sizing.selection.joint_problem import Masses
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
+from bellcrank.sizing.selection.matching_criteria import MotorType
 from bellcrank.sizing.selection.pairs import Pairs, Products
 from bellcrank.sizing.selection.ranking import failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
+from bellcrank.sizing.selection.tables import percent
 
 RATIOS = np.geomspace(0.1, 10.0, 201)  # tried, of the gear's ratio
 VOLTAGES = np.geomspace(1.02, 5.0, 80)  # tried, of the voltage
@@ -43,10 +46,19 @@ def advice_for(problem: JudgedAxes, axis: int, masses: Masses, one: AxisSelectio
     remedies = _Remedies(problem, axis, masses, nearest)
     ratio = next((text for each in ([nearest] if one.kept else failing) if (text := remedies.ratio(each))), "")
     exceeded = [result for result in nearest.criteria if result.verdict == "exceeded"]
-    listed = "; ".join(f"{result.name} {result.use or 0.0:.0%} ({result.text})" for result in exceeded)
+    listed = "; ".join(f"{result.name} {percent(result.use or 0.0)} ({result.text})" for result in exceeded)
     helpful = [text for text in (ratio, remedies.voltage(), remedies.slower()) if text]
-    factors = ", ".join(f"{result.use or 0.0:.2f} times as high in '{result.name}'" for result in exceeded)
-    helpful.append(f"limits {factors}: a larger motor or gear, as far as its own inertia does not add to the load")
+    if any(result.name == MotorType.name for result in exceeded):
+        helpful.append("motors of this type in a catalogue of your own, or other 'commutation' or 'construction'")
+    factors = ", ".join(
+        f"{result.use:.2f} times as high in '{result.name}'"
+        for result in exceeded
+        if result.use is not None and math.isfinite(result.use)
+    )
+    if factors:
+        helpful.append(f"limits {factors}: a larger motor or gear, as far as its own inertia does not add to the load")
+    elif not helpful:
+        helpful.append("a larger motor or gear")
     kept = "the given pair" if one.kept else "nearest to the limits is"
     return replace(one, advice=f"{kept} {nearest.id}: {listed}. It would help: {'; or '.join(helpful)}")
 
