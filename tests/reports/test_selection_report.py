@@ -160,6 +160,16 @@ def test_an_unknown_number_is_none_and_a_product_stands_once(chosen):
     assert [one["chosen"] for one in data["pareto"]] == [False, True, False, False, False]
 
 
+def test_the_origin_of_the_figures_of_each_product_is_in_the_page(chosen):
+    data = selection_data(chosen)
+    pair = chosen.axes[0].chosen
+    (motor,) = [one for one in data["motors"] if one["id"] == pair.motor.id]
+    (gear,) = [one for one in data["gears"] if one["id"] == pair.gear.id]
+    for product, one in ((pair.motor, motor), (pair.gear, gear)):
+        for part in (product.quality.replace("_", " "), product.source, product.checked):
+            assert part in one["origin"], (part, one)
+
+
 def test_the_chosen_pair_is_listed_even_where_it_is_not_among_the_best(chosen):
     one = candidate(STRONG, SILENT, 0.7, unknown=2)
     data = selection_data(with_first(chosen, chosen=one))

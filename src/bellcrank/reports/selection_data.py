@@ -143,6 +143,12 @@ def title(product: Motor | Gear) -> str:
     return readable(text if stated or not apart else f"{text}, {apart}")
 
 
+def origin(product: Motor | Gear) -> str:
+    """Where the figures of a product are from: kind of the source, the source, and when they were compared with it."""
+    text = ": ".join(part for part in (product.quality.replace("_", " "), product.source) if part)
+    return readable(f"{text} (compared {product.checked})" if product.checked else text)
+
+
 def number(value: float | None) -> float | None:
     """A number with DIGITS digits; None where it is unknown or not finite."""
     return None if value is None or not math.isfinite(value) else float(f"{value:.{DIGITS}g}")
@@ -164,6 +170,7 @@ def _motor(motor: Motor, conditions: Conditions) -> dict[str, Any]:
     return {
         "id": readable(motor.id),
         "title": title(motor),
+        "origin": origin(motor),
         "maker": readable(motor.maker),
         "currency": readable(motor.currency or ""),
         "curves": {
@@ -180,6 +187,7 @@ def _gear(gear: Gear) -> dict[str, Any]:
     return {
         "id": readable(gear.id),
         "title": title(gear),
+        "origin": origin(gear),
         "maker": readable(gear.maker),
         "direct": gear.kind == "direct",
     }

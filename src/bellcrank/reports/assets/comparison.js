@@ -17,7 +17,10 @@ function showComparison(box, { name, picked }) {
     return;
   }
   const [first, second] = picked;
-  const rows = pairFigures(first).map(([title, value], k) => [title, value, pairFigures(second)[k][1]]);
+  const others = new Map(pairFigures(second));
+  const titles = new Set([...pairFigures(first), ...others].map(([title]) => title));
+  const own = new Map(pairFigures(first));
+  const rows = [...titles].map((title) => [title, own.get(title) ?? "none", others.get(title) ?? "none"]);
   const table = element("table", { className: "compared" },
     element("thead", {}, element("tr", {}, element("td", {}), ...picked.map((each) => element("th", { scope: "col", textContent: each.name })))),
     element("tbody", {}, ...rows.map(([title, ...values]) => element("tr", { className: values[0] === values[1] ? "" : "differs" },

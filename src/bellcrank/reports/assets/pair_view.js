@@ -4,6 +4,7 @@ const SIGNS = { "all criteria shown": "●", "passes what is known": "◐", fail
 const tierBadge = (tier) => element("span", { className: `tier ${tier.replaceAll(" ", "-")}` },
   element("i", { ariaHidden: "true", textContent: SIGNS[tier] }), element("span", { textContent: tier }));
 
+const LONG = 40; // characters of a figure that takes a line of its own
 const known = (value, unit, digits = 3) => (value === null || value === undefined ? "unknown" : `${formatNumber(value, digits)}${unit && ` ${unit}`}`);
 
 /** (name, value) of a pair's figures. */
@@ -15,6 +16,8 @@ const pairFigures = (candidate) => [
   ["cost", known(candidate.cost, candidate.motor.currency)],
   ["electrical loss", known(candidate.loss, "W")],
   ["fit", candidate.fit],
+  ["figures of the motor", candidate.motor.origin],
+  ...(candidate.gear.direct ? [] : [["figures of the gear", candidate.gear.origin]]),
 ];
 
 /** The whole view of a pair; `open` shows the sentence of every criterion, as print needs it. */
@@ -24,7 +27,7 @@ function pairView(candidate, width, { open = false, figures = true, reach = null
     element("header", {}, element("h3", { textContent: candidate.name }), tierBadge(candidate.tier)));
   if (figures) {
     box.append(element("dl", { className: "figures" },
-      ...pairFigures(candidate).map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })))));
+      ...pairFigures(candidate).map(([name, value]) => element("div", { className: value.length > LONG ? "long" : "" }, element("dt", { textContent: name }), element("dd", { textContent: value })))));
   }
   box.append(torqueSpeedPlane(detail, width, reach ?? planeReach(detail)),
     element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit" }), useBars(candidate.criteria, open)),
