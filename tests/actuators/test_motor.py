@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bellcrank.actuators import electrical
+from bellcrank.actuators.catalogue import load_catalogue
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.errors import InputError
@@ -184,3 +185,25 @@ def test_the_no_load_current_gives_the_friction_and_the_nominal_current_the_torq
     assert (both.coulomb_torque, both.viscous_coefficient) == (0.01, 1e-4)
     assert both.continuous_torque == pytest.approx(0.0404 * 3.29 - 0.01 - 0.04)
     assert motor(**figures, coulomb_friction=0.01, viscous_friction=1e-4).continuous_torque is None  # at which speed?
+
+
+def test_a_stated_voltage_constant_is_the_back_emf_and_leaves_losses_alone():
+    figures = {"torque_constant": 50.0, "torque_constant_basis": "phase_rms", "resistance": 3.0}
+    plain, stated = motor(**figures), motor(**figures, voltage_constant=49.0)
+    assert plain.dc_voltage_constant == plain.dc_torque_constant == pytest.approx(50.0 * math.sqrt(2.0 / 3.0))
+    assert stated.dc_torque_constant == plain.dc_torque_constant and stated.dc_voltage_constant == 49.0
+    arrays = MotorArrays.of([plain, stated])
+    torque, speed = 20.0, 3.0
+    drops = electrical.voltage(arrays, np.full(2, torque), np.full(2, speed))
+    ohmic = 3.0 * torque / plain.dc_torque_constant
+    assert drops == pytest.approx([ohmic + plain.dc_torque_constant * speed, ohmic + 49.0 * speed], rel=1e-12)
+    assert len(set(electrical.copper_loss(arrays, np.full(2, torque)))) == 1
+
+
+def test_the_back_emf_of_a_printed_actuator_is_that_of_its_motor_at_every_speed():
+    # Harmonic Drive CHA-25A: 37 V rms per 1000 rpm of the motor, line to line; 100:1; largest output speed 56 rpm.
+    (actuator,) = [one for one in load_catalogue().motors if one.id == "hd_cha_25a_100"]
+    arrays = MotorArrays.of([actuator])
+    found = electrical.voltage(arrays, np.zeros(1), np.array([56.0 * math.pi / 30.0]))
+    assert found == pytest.approx(math.sqrt(2.0) * 37.0 * 5.6, rel=1e-4)
+    assert actuator.dc_voltage_constant > actuator.dc_torque_constant, "the torque constant has the gear's losses in it"

@@ -40,6 +40,7 @@ class Brute:
             self.tc, self.cv = value(motor.torque_constant) * value(motor.no_load_current), 0.0
             self.cv += 0.0 * self.tc
         self.k = value(motor.torque_constant) * TO_DC.get(motor.torque_constant_basis, math.nan)
+        self.ke = self.k if motor.voltage_constant is None else motor.voltage_constant
         self.Te = self.T + safety * (self.tc * np.sign(self.omega) + self.cv * self.omega)
 
     def through_gear(self) -> np.ndarray:
@@ -187,7 +188,9 @@ class Brute:
             return math.nan
         x, y = np.array(self.motor.peak_curve).T
         if self.conditions.voltage is not None:
-            x = x - max(value(self.motor.nominal_voltage) - self.conditions.voltage, 0.0) / self.k
+            x = x - max(value(self.motor.nominal_voltage) - self.conditions.voltage, 0.0) / (
+                self.motor.voltage_constant or self.k
+            )
         torque, speed = np.abs(self.T), np.abs(self.omega)
         if np.isnan(torque).any():
             return math.nan
@@ -206,7 +209,7 @@ class Brute:
         bus = value(m.nominal_voltage) if c.voltage is None else c.voltage
         usable = bus * (1.0 - c.voltage_reserve)
         warm = value(m.resistance) * (1.0 + ALPHA * (c.winding_temperature - 25.0))
-        volts = warm / self.k * self.Te + self.k * self.omega
+        volts = warm / self.k * self.Te + self.ke * self.omega
         current = value(m.torque_constant) * value(m.peak_current)
         life = value(g.life) * value(g.rated_speed) / mean_speed if mean_speed else math.inf + 0.0 * value(g.life)
         average = self.average_torque()

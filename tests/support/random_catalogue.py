@@ -12,7 +12,7 @@ from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 
 Row = TypeVar("Row", Motor, Gear)
-NEVER_MISSING = ("nominal_torque", "nominal_speed")
+NEVER_MISSING = ("nominal_torque", "nominal_speed", "voltage_constant")
 
 
 def random_motors(number: int, seed: int, missing: float = 0.0) -> list[Motor]:
@@ -49,6 +49,7 @@ def _motor(rng: np.random.Generator, number: int) -> Motor:
         nominal_voltage=voltage,
         torque_constant=constant,
         torque_constant_basis="dc",
+        voltage_constant=constant * (1.0 + 0.02 * (number % 9)) if number % 3 == 0 else None,
         resistance=resistance,
         coulomb_friction=torque * rng.uniform(0.0, 0.05),
         viscous_friction=torque / nominal_speed * rng.uniform(0.0, 0.05),

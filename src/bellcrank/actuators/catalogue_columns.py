@@ -73,6 +73,7 @@ _UNITS: dict[str, str] = {  # field -> unit, of motors and gears
     "nominal_voltage": "V",
     "torque_constant": "N m/A",
     "speed_constant": "rad/s/V",
+    "voltage_constant": "V s/rad",
     "resistance": "Ω",
     "inductance": "H",
     "pole_pairs": "",

@@ -1,7 +1,8 @@
 """Electrical behaviour of motors: torque of the current, copper loss, friction loss, voltage and power.
 
 Every motor is its DC equivalent (`Motor.dc_torque_constant`): current I = T_e / k, copper loss R I², voltage R I + k ω
-without the inductance. The electrical torque is that of the shaft and of friction and iron losses,
+without the inductance; k ω is the back-EMF that is stated where it is not that of the torque constant
+(`Motor.dc_voltage_constant`). The electrical torque is that of the shaft and of friction and iron losses,
 T_e = T + T_c sign(ω) + c_v ω. Functions take `MotorArrays` and arrays that broadcast with them; NaN is unknown.
 """
 
@@ -46,7 +47,7 @@ def voltage(
 ) -> Array:
     """Voltage R I + k ω, V, at an electrical torque (N m), a speed (rad/s) and a winding temperature (°C)."""
     resistance = motors.resistance * resistance_factor(temperature)
-    return np.asarray(resistance / motors.dc_torque_constant * electrical_torque + motors.dc_torque_constant * speed)
+    return np.asarray(resistance / motors.dc_torque_constant * electrical_torque + motors.dc_voltage_constant * speed)
 
 
 def voltage_with_inductance(

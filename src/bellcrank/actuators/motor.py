@@ -58,6 +58,8 @@ class Motor:
         torque_constant_basis: Per ampere "dc" (brushed or block commutation: at the terminals), "phase_rms"
             (sinusoidal, RMS phase current) or "phase_peak" (sinusoidal, amplitude of the phase current).
         speed_constant: Speed per back-EMF voltage, rad/s/V, at the terminals.
+        voltage_constant: Line-to-line amplitude of the back-EMF per speed, V s/rad, where it does not follow from the
+            torque constant: that of an actuator often has the losses of its gear in it.
         resistance: Terminal (line-to-line) resistance at 25 °C, Ω.
         inductance: Terminal (line-to-line) inductance, H.
         pole_pairs: Number of pole pairs.
@@ -125,6 +127,7 @@ class Motor:
     torque_constant: float | None = None
     torque_constant_basis: TorqueConstantBasis | None = None
     speed_constant: float | None = None
+    voltage_constant: float | None = None
     resistance: float | None = None
     inductance: float | None = None
     pole_pairs: float | None = None
@@ -205,6 +208,11 @@ class Motor:
         if self.torque_constant is None or self.torque_constant_basis is None:
             return None
         return _TO_DC[self.torque_constant_basis] * self.torque_constant
+
+    @property
+    def dc_voltage_constant(self) -> float | None:
+        """Back-EMF over speed of the DC-equivalent motor, V s/rad: as stated, else k; None where neither is known."""
+        return self.dc_torque_constant if self.voltage_constant is None else self.voltage_constant
 
     @property
     def motor_constant(self) -> float | None:

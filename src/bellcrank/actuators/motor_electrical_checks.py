@@ -46,7 +46,7 @@ def _no_load_speed(motor: Motor) -> Figures:
     voltage = motor.nominal_voltage
     if voltage is not None and motor.resistance is not None and motor.no_load_current is not None:
         voltage -= motor.resistance * motor.no_load_current
-    return motor.no_load_speed, quotient(voltage, motor.dc_torque_constant)
+    return motor.no_load_speed, quotient(voltage, motor.dc_voltage_constant)
 
 
 def _speed_constant(motor: Motor) -> Figures:
@@ -71,7 +71,7 @@ def _voltage_at_nominal_point(motor: Motor) -> Figures:
     if motor.nominal_voltage is None:
         return None, None
     left = motor.nominal_voltage - motor.resistance * motor.nominal_current * basis_k / k
-    return motor.nominal_speed, left / k
+    return motor.nominal_speed, quotient(left, motor.dc_voltage_constant)
 
 
 def _thermal_current(motor: Motor) -> Figures:

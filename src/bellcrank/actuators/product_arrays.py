@@ -117,6 +117,7 @@ class MotorArrays(_Indexed):
     Attributes:
         nominal_voltage: V.
         dc_torque_constant: k of the DC-equivalent motor, N m/A (`Motor.dc_torque_constant`).
+        dc_voltage_constant: Back-EMF over speed of the DC-equivalent motor, V s/rad (`Motor.dc_voltage_constant`).
         resistance: Line-to-line at 25 °C, Ω.
         reactance_per_speed: Ω s/rad (`Motor.reactance_per_speed`).
         coulomb_torque: T_c of the friction and iron torque T_c + c_v ω, N m (`Motor.coulomb_torque`).
@@ -153,6 +154,7 @@ class MotorArrays(_Indexed):
 
     nominal_voltage: Array
     dc_torque_constant: Array
+    dc_voltage_constant: Array
     resistance: Array
     reactance_per_speed: Array
     coulomb_torque: Array

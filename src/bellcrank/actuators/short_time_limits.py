@@ -62,7 +62,7 @@ def short_time_limits(motors: MotorArrays, conditions: Conditions) -> tuple[Spee
     resistance = motors.resistance * resistance_factor(conditions.winding_temperature)
     share = motors.nominal_voltage / usable
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        line = (resistance / motors.dc_torque_constant / usable, motors.dc_torque_constant / usable)
+        line = (resistance / motors.dc_torque_constant / usable, motors.dc_voltage_constant / usable)
         printed = np.isnan(line[0]) | np.isnan(line[1])
         limits = (
             ("peak torque", "shaft", 1.0 / motors.peak_torque, zero),
@@ -93,7 +93,7 @@ def peak_curves(motors: MotorArrays, conditions: Conditions) -> Curves:
     curves = motors.peak_curve
     if conditions.voltage is None:
         return curves
-    lack = np.maximum(motors.nominal_voltage - conditions.voltage, 0.0) / motors.dc_torque_constant
+    lack = np.maximum(motors.nominal_voltage - conditions.voltage, 0.0) / motors.dc_voltage_constant
     shift = np.where(motors.nominal_voltage <= conditions.voltage, 0.0, lack)[..., None]
     return Curves(curves.x - shift, np.where(np.isnan(shift), np.nan, curves.y))
 

@@ -165,7 +165,8 @@ def product_text(product: Product) -> str:
             continue
         value = getattr(product, column.field)
         if value is None:
-            unknown.append(_words(column.name))
+            follows = column.field == "voltage_constant" and getattr(product, "dc_voltage_constant", None) is not None
+            unknown += [] if follows else [_words(column.name)]
         else:
             stated.append([_words(column.name), _shown(column, value)])
     curves = [name for name in CURVE_FIELDS if getattr(product, name, None)]

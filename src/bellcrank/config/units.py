@@ -60,6 +60,7 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "F": {"F": 1.0, "mF": 1e-3, "µF": 1e-6, "μF": 1e-6, "uF": 1e-6},
     "H": {"H": 1.0, "mH": 1e-3, "µH": 1e-6, "μH": 1e-6, "uH": 1e-6},
     "N m/A": {"N m/A": 1.0, "Nm/A": 1.0, "mN m/A": 0.001, "mNm/A": 0.001},
+    "V s/rad": {"V s/rad": 1.0, "V/rpm": 30.0 / math.pi, "V/krpm": 0.03 / math.pi},
     "rad/s/V": {"rad/s/V": 1.0, "rpm/V": math.pi / 30.0},
     "W": {"W": 1.0, "kW": 1000.0},
     "K/W": {"K/W": 1.0, "°C/W": 1.0},

@@ -193,7 +193,7 @@ class VoltageLimit(Criterion):
     """
 
     name = "voltage limit"
-    formula = "max |R/k T_e + k ω| ≤ U (1 - reserve), k the torque constant of the DC equivalent"
+    formula = "max |R/k T_e + k ω| ≤ U (1 - reserve), k the torque constant of the DC equivalent, k ω the back-EMF"
     source = f"{_MAXON} (U = R I + k ω)"
     needs = (
         *alternatives(SHAFT, FRICTION, TORQUE_CONSTANT, (("motor.resistance",),)),
