@@ -1,8 +1,8 @@
 """Random arms and linkages whose drives every command must judge alike: `judge`, `size`, `select --keep`, a sweep of
 sizings, and `judge` on the file that `select` wrote.
 
-Each case is an arm of 1 to 6 joints, revolute or prismatic, with masses and inertias of any size, or a shipped linkage
-with other masses. It has friction and damping, springs, a payload, a motion with reversals and rests, or two along a
+Each case is an arm of 1 to 6 joints, revolute or prismatic, with masses and inertias of any size, the last two perhaps
+moved by two motors together, or a shipped linkage with another gravity. It has friction and damping, springs, a payload, a motion with reversals and rests, or two along a
 duty program, motors and gears of the catalogue, and conditions. Uses must agree to 1e-9, verdicts exactly.
 
 python -m tests.campaigns.one_judge --cases 200 --seed 1
@@ -37,7 +37,11 @@ def _arm(rng, seed, folder):
     urdf = folder / f"arm{seed}.urdf"
     urdf.write_text(_urdf(rng, kinds))
     names = [f"j{k}" for k in range(count)]
-    kept = {name: _pair(rng, kind) for name, kind in zip(names, kinds, strict=True)}
+    drives = dict(zip(names, kinds, strict=True))
+    coupled = kinds[-2:] == ["revolute"] * 2 and rng.random() < 0.3
+    if coupled:  # the last two joints are moved by two motors together
+        drives = dict(zip([*names[:-2], "left", "right"], kinds, strict=True))
+    kept = {name: _pair(rng, kind) for name, kind in drives.items()}
     data = {
         "name": f"arm {seed}",
         "urdf": urdf.name,
@@ -46,6 +50,9 @@ def _arm(rng, seed, folder):
         "conditions": _conditions(rng),
         "actuators": {name: _named(pair) for name, pair in kept.items()},
     }
+    if coupled:
+        matrix = [[1.0, float(rng.uniform(0.2, 1.5))], [1.0, float(-rng.uniform(0.2, 1.5))]]
+        data["transmissions"] = [{"joints": names[-2:], "motors": ["left", "right"], "matrix": matrix}]
     if rng.random() < 0.5:
         data["payloads"] = [{"mass": float(rng.uniform(0.1, 3.0)), "frame": f"l{count}"}]
     if rng.random() < 0.3:
@@ -81,7 +88,11 @@ def _conditions(rng):
         "altitude": float(rng.choice([0.0, 1800.0])),
         "safety_factor": float(rng.choice([1.0, 1.3, 2.0])),
         "inertia_ratio": float(10.0 ** rng.uniform(0.0, 2.0)),
-        "assume": {"gear.efficiency": float(rng.uniform(0.4, 1.0)), "gear.inertia": 1e-6},
+        "assume": {
+            "gear.efficiency": float(rng.uniform(0.4, 1.0)),
+            "gear.back_efficiency": float(rng.uniform(0.2, 1.0)),
+            "gear.inertia": 1e-6,
+        },
     }
 
 
