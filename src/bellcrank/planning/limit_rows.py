@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.motor_limits import MotorLimits
 from bellcrank.planning.torque_speed_limits import Polyline
-from bellcrank.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from bellcrank.robot.robot import Robot, RobotJoint
 
 Row = tuple[int, int, int, int, int, float, float]
 NO_CURVE = (-1, -1, -1)
@@ -51,7 +53,7 @@ class CountedLimits:
 
 
 class Quantity(NamedTuple):
-    """`share` of a motor's torque, and `inertia` times the acceleration of the velocity coordinate `column`."""
+    """`share` of the torque of number `motor`, and `inertia` times the acceleration of the coordinate `column`."""
 
     motor: int
     share: float
@@ -77,11 +79,14 @@ class LimitRows:
     quantities: tuple[Quantity, ...]
 
 
-def limit_rows(robot: Robot, limits: MotionLimits, motors: MotorLimits, counted: CountedLimits) -> LimitRows:
-    """The rows of the limits of torques, of accelerations, and of torques at motors' shafts."""
+def limit_rows(
+    joints: Sequence[RobotJoint], robot: Robot, limits: MotionLimits, motors: MotorLimits, counted: CountedLimits
+) -> LimitRows:
+    """The rows of the limits of torques of the joints with motors, of accelerations, and of torques at shafts."""
     rows, names = list[Row](), list[NamedLimit]()
     curves = list[Polyline]()
-    quantities = [Quantity(k, 1.0, joint.v, 0.0) for k, joint in enumerate(motors.joints)]
+    torque_count = max((axis.torque + 1 for axis in motors.axes), default=0)
+    quantities = [Quantity(k, 1.0, 0, 0.0) for k in range(torque_count)]
 
     def add(quantity: tuple[int, int], curve: tuple[int, int, int], limit: float, what: str, joint: str) -> None:
         group = f"{what} of {joint}"
@@ -91,26 +96,26 @@ def limit_rows(robot: Robot, limits: MotionLimits, motors: MotorLimits, counted:
                 names.append(NamedLimit(what, joint, side))
 
     torques = limits.of_joints("torque", robot)
-    for k, joint in enumerate(motors.joints):
+    for k, (joint, axis) in enumerate(zip(joints, motors.axes, strict=True)):
         if np.isfinite(torques[joint.v]):
             add((k, -1), NO_CURVE, float(torques[joint.v]), "torque", joint.name)
         if k in motors.gear_torques:
-            add((k, -1), NO_CURVE, motors.gear_torques[k], "gear torque", joint.name)
+            add((axis.torque, -1), NO_CURVE, motors.gear_torques[k], "gear torque", axis.name)
     accelerations = limits.of_joints("acceleration", robot)
     named = {joint.v: joint.name for joint in robot.joints}
     for column in np.flatnonzero(np.isfinite(accelerations)).tolist():
         quantities.append(Quantity(0, 0.0, column, 1.0))
         add((len(quantities) - 1, -1), NO_CURVE, float(accelerations[column]), "acceleration", named[column])
     for shaft in motors.shafts:
-        actuator, joint, efficiency = shaft.actuator, motors.joints[shaft.motor], shaft.efficiency
-        factor = actuator.safety_factor / counted.factor(f"motor torque of {joint.name}")
+        actuator, axis, efficiency = shaft.actuator, motors.axes[shaft.motor], shaft.efficiency
+        factor = actuator.safety_factor / counted.factor(f"motor torque of {axis.name}")
         for points in (shaft.driving, shaft.braking):
             curves.append(tuple((speed, torque / factor) for speed, torque in points))
         inertia = (actuator.shaft_inertia or 0.0) * actuator.ratio
         for share in (1.0 / (actuator.ratio * efficiency.driving), efficiency.driven / actuator.ratio):
-            quantities.append(Quantity(shaft.motor, share, joint.v, inertia))
+            quantities.append(Quantity(axis.torque, share, axis.column, inertia))
         last = len(quantities) - 1
         pair = (last - 1, last if efficiency.driving * efficiency.driven != 1.0 else -1)
         top = max(torque for _, torque in shaft.driving) / actuator.safety_factor
-        add(pair, (shaft.motor, len(curves) - 2, len(curves) - 1), top, "motor torque", joint.name)
+        add(pair, (shaft.motor, len(curves) - 2, len(curves) - 1), top, "motor torque", axis.name)
     return LimitRows(tuple(rows), tuple(names), tuple(curves), tuple(quantities))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.cached_values import cached_property
+from bellcrank.planning.driven_axes import DrivenAxis
 from bellcrank.planning.gear_efficiency import GearEfficiencies, gear_efficiencies
 from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
-
-if TYPE_CHECKING:
-    from bellcrank.robot.robot import RobotJoint
 
 Array = NDArray[np.float64]
 
@@ -38,11 +36,11 @@ class MotorLimits:
     """The limits of actuators.
 
     Attributes:
-        joints: The joints with motors.
-        actuators: The actuators that limit, by joint.
+        axes: The axes of the motors.
+        actuators: The actuators that limit, by axis.
     """
 
-    joints: tuple[RobotJoint, ...]
+    axes: tuple[DrivenAxis, ...]
     actuators: Mapping[str, Actuator]
 
     @property
@@ -83,8 +81,8 @@ class MotorLimits:
 
     @property
     def _given(self) -> list[tuple[int, str, Actuator]]:
-        """Number, joint and actuator of the motors that have one."""
-        named = [(k, joint.name, self.actuators.get(joint.name)) for k, joint in enumerate(self.joints)]
+        """Number, axis and actuator of the motors that have one."""
+        named = [(k, axis.name, self.actuators.get(axis.name)) for k, axis in enumerate(self.axes)]
         return [(k, name, actuator) for k, name, actuator in named if actuator is not None]
 
     @cached_property
@@ -97,8 +95,8 @@ class MotorLimits:
         return found
 
     @cached_property
-    def top_speeds(self) -> list[tuple[RobotJoint, float]]:
-        """Motors with the largest speed of the joint, rad/s or m/s, that motor and gear allow."""
+    def top_speeds(self) -> list[tuple[DrivenAxis, float]]:
+        """Axes with their largest speed, rad/s or m/s, that motor and gear allow."""
         last = {shaft.motor: (shaft.driving[-1][0], shaft.braking[-1][0]) for shaft in self.shafts}
         found = []
         for k, _, actuator in self._given:
@@ -108,7 +106,7 @@ class MotorLimits:
             if isinstance(actuator, MotorWithGear) and actuator.gear.max_speed is not None:
                 tops.append(actuator.gear.max_speed)
             if tops:
-                found.append((self.joints[k], min(tops) / actuator.ratio))
+                found.append((self.axes[k], min(tops) / actuator.ratio))
         return found
 
     @property
@@ -117,13 +115,14 @@ class MotorLimits:
         return [shaft for shaft in self.shafts if shaft.efficiency.varies]
 
     def excess_of_curves(self, torque: Array, v: Array, a: Array) -> dict[str, Array]:
-        """The shares (n,) by which torques (n, k) at velocities v and accelerations a (n, nv) exceed the limits of
-        motors whose gears have a curve of efficiency, by joint; negative within.
+        """The shares (n,) by which torques, velocities v and accelerations a (n, columns of the axes) exceed the limits
+        of motors whose gears have a curve of efficiency, by axis; negative within.
         """
         found = {}
         for shaft in self.varying:
-            actuator, column = shaft.actuator, self.joints[shaft.motor].v
-            needed = actuator.shaft_torque(torque[:, shaft.motor], v[:, column], a[:, column])
+            actuator, axis = shaft.actuator, self.axes[shaft.motor]
+            column = axis.column
+            needed = actuator.shaft_torque(torque[:, axis.torque], v[:, column], a[:, column])
             use = actuator.curve_use(actuator.safety_factor * needed, actuator.ratio * v[:, column])
-            found[self.joints[shaft.motor].name] = np.where(np.isnan(use), -np.inf, use - 1.0)
+            found[axis.name] = np.where(np.isnan(use), -np.inf, use - 1.0)
         return found

@@ -7,7 +7,7 @@ the acceleration of a joint (limit_rows.py). Limits of speeds are bounds of y.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from bellcrank._planner import LimitArrays, excess
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.planning.driven_axes import DrivenAxes
 from bellcrank.planning.known_places import PathPlaces
 from bellcrank.planning.limit_rows import CountedLimits, LimitRows, NamedLimit, limit_rows
 from bellcrank.planning.motion_limits import MotionLimits
@@ -44,6 +46,7 @@ class PathLimits:
         limits: The limits of joints and of a tool.
         factors: Factors on limits, by the group of their names; to see what a limit costs.
         only: The group of the only limits that count; "" for all.
+        transmissions: Motors that move several joints together.
     """
 
     mechanism: Mechanism
@@ -51,6 +54,7 @@ class PathLimits:
     limits: MotionLimits
     factors: Mapping[str, float] = field(default_factory=dict)
     only: str = ""
+    transmissions: Sequence[CoupledTransmission] = ()
 
     def places(self, path: JointPath, s: Array) -> PathPlaces:
         """The states and torques at places s (n,) of a path; factors and the choice of limits do not change them.
@@ -125,7 +129,8 @@ class PathLimits:
         """The shares of motors whose gears have a curve of efficiency, which the rows do not hold exactly."""
         if not self._motors.varying:
             return {}
-        shares = self._motors.excess_of_curves(self._torques.exact(np.zeros(len(q)), q, v, a), v, a)
+        torques = self._axes.with_torques(self._torques.exact(np.zeros(len(q)), q, v, a))
+        shares = self._motors.excess_of_curves(torques, *map(self._axes.with_coordinates, (v, a)))
         return {f"motor torque of {joint}": share for joint, share in shares.items()}
 
     def check_states(self, q: Array, first: Array, second: Array) -> None:
@@ -140,6 +145,11 @@ class PathLimits:
     def notes(self) -> tuple[str, ...]:
         """What of the actuators does not limit, or not exactly."""
         return self._motors.notes
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Of each motor, its joint, or the name of a motor that moves several joints."""
+        return tuple(axis.name for axis in self._axes.axes)
 
     @property
     def exact(self) -> bool:
@@ -188,15 +198,19 @@ class PathLimits:
 
     @cached_property
     def _torques(self) -> PathTorques:
-        return PathTorques(self.mechanism, self.actuators)
+        return PathTorques(self.mechanism, self.actuators, self._axes)
+
+    @cached_property
+    def _axes(self) -> DrivenAxes:
+        return DrivenAxes(self.mechanism, self.transmissions)
 
     @cached_property
     def _motors(self) -> MotorLimits:
-        return MotorLimits(self.mechanism.motors, self.actuators if self.limits.actuators else {})
+        return MotorLimits(self._axes.axes, self.actuators if self.limits.actuators else {})
 
     @cached_property
     def _rows(self) -> LimitRows:
-        return limit_rows(self.mechanism.robot, self.limits, self._motors, self._counted)
+        return limit_rows(self.mechanism.motors, self.mechanism.robot, self.limits, self._motors, self._counted)
 
     @cached_property
     def _tool(self) -> ToolLimits:
@@ -233,8 +247,9 @@ class PathLimits:
         only: slice = slice(None),
     ) -> LimitArrays:
         rows, torques = self._rows, self._torques
-        own = terms.of_quantities(rows.quantities, first if slope is None else slope, second)
-        rate = first[:, torques.columns]
+        coordinates = self._axes.with_coordinates
+        own = terms.of_quantities(rows.quantities, coordinates(first if slope is None else slope), coordinates(second))
+        rate = coordinates(first)[:, [axis.column for axis in self._motors.axes]]
         for shaft in self._motors.shafts:
             rate[:, shaft.motor] *= shaft.actuator.ratio
         return LimitArrays(
@@ -274,9 +289,11 @@ class PathLimits:
         limited = [(joint, limits[joint.v]) for joint in robot.joints if np.isfinite(limits[joint.v])]
         found = []
         with np.errstate(divide="ignore"):
-            for what, tops in (("speed", limited), ("motor speed", self._motors.top_speeds)):
-                for joint, top in tops:
-                    found.append((NamedLimit(what, joint.name, ""), top / np.abs(first[:, joint.v])))
+            for joint, top in limited:
+                found.append((NamedLimit("speed", joint.name, ""), top / np.abs(first[:, joint.v])))
+            rates = self._axes.with_coordinates(first)
+            for axis, top in self._motors.top_speeds:
+                found.append((NamedLimit("motor speed", axis.name, ""), top / np.abs(rates[:, axis.column])))
             for what, rates, limit in self._tool.speed_rates(q, first):
                 found.append((NamedLimit(what, self._tool_name, ""), limit / rates))
             found = [(name, speeds * self._counted.factor(name.group)) for name, speeds in found]

@@ -22,6 +22,7 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism, joint_frictions
 from bellcrank.errors import InputError
+from bellcrank.planning.driven_axes import DrivenAxes
 from bellcrank.planning.limit_rows import Quantity
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ class PathTerms:
 
         Args:
             quantities: The first k are the torques themselves.
-            slope: Derivatives (n, nv) of the positions with respect to the path, by which u accelerates the joints.
+            slope: Derivatives (n, c) of the coordinates with respect to the path, by which u accelerates them.
             second: Their second derivatives.
 
         Returns:
@@ -69,10 +70,12 @@ class PathTorques:
     Attributes:
         mechanism: The mechanism, with payloads and forces.
         actuators: Motor and gear by joint.
+        axes: The axes of the motors.
     """
 
     mechanism: Mechanism
     actuators: Mapping[str, Actuator]
+    axes: DrivenAxes
 
     @cached_property
     def columns(self) -> list[int]:
@@ -109,7 +112,14 @@ class PathTorques:
         return self.mechanism.torques(t, q, v, a)[0] - self._rotor * a[:, self.columns]
 
     def terms(self, q: Array, first: Array, second: Array) -> PathTerms:
-        """The coefficients at places of a path, with derivatives (n, nv) of the positions with respect to the path."""
+        """The coefficients at places of a path, with derivatives (n, nv) of the positions with respect to the path: of
+        the joints' torques, and where motors move several joints of the torques at all axes after them.
+        """
+        found = self._of_joints(q, first, second)
+        a, b, d, c = (self.axes.with_torques(each) for each in (found.a, found.b, found.d, found.c))
+        return PathTerms(a, b, d, c, self.axes.with_torques(found.w.swapaxes(1, 2)).swapaxes(1, 2))
+
+    def _of_joints(self, q: Array, first: Array, second: Array) -> PathTerms:
         t, still = np.zeros(len(q)), np.zeros_like(first)
         equations, motors = self.mechanism.equations, self.mechanism.torque_map(t, q)
         c = motors(equations.needed(t, q, still, still))
@@ -135,7 +145,7 @@ class PathTorques:
         path, are not those of the model: where a force depends on time, or on velocity otherwise than by inertia,
         linear damping and friction.
         """
-        terms, u = self.terms(q, first, second), CHECKED_ACCELERATION
+        terms, u = self._of_joints(q, first, second), CHECKED_ACCELERATION
         for speed, time in CHECKED:
             exact = self.exact(np.full(len(q), time), q, speed * first, u * first + speed * speed * second)
             model = u * terms.a + speed * speed * terms.b + speed * terms.d + terms.c

@@ -88,7 +88,7 @@ def repeated_cycle(
         for name, one in arguments.mapping("actuators", actuators, "a mapping of joint names to Actuators").items():
             arguments.instance(f'actuators["{name:.80}"]', one, Actuator, "an Actuator")
     subject = sizing_subject(robot, [motion], payloads, trust, actuators, overrides)
-    transmissions = () if subject.config is None else subject.config.transmissions
+    transmissions = subject.transmissions
     mechanism, given = subject.mechanism, subject.motions[0]
     if given.duration <= 0.0:
         raise InputError(f"motion '{given.name}' takes no time; there is nothing to repeat")

@@ -184,10 +184,8 @@ def speed_factor(
     limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
     arguments.instance("motion", motion, (Motion, str, Path), "a Motion, the name of a motion, or a CSV file")
     subject = sizing_subject(robot, [motion], payloads, trust, None, overrides)
-    if subject.config is not None and subject.config.transmissions:
-        raise InputError(f"{subject.config.source}: transmissions: motors that move several joints are not supported")
     given = subject.motions[0]
-    bounds = PathLimits(subject.mechanism, subject.actuators, limits)
+    bounds = PathLimits(subject.mechanism, subject.actuators, limits, transmissions=subject.transmissions)
     if bounds.jerk_groups:
         raise InputError("limits: the speed factor does not take limits of jerk; leave jerk out")
     states = given.at(given.time)

@@ -93,7 +93,7 @@ def time_optimal(
         grid = arguments.whole("grid", grid, least=2, most=1_000_000)
     arguments.flag("costs", costs)
     subject, original, paths = _subject(robot, path, (payloads, trust, overrides))
-    bounds = PathLimits(subject.mechanism, subject.actuators, limits)
+    bounds = PathLimits(subject.mechanism, subject.actuators, limits, transmissions=subject.transmissions)
     if grid and bounds.jerk_groups:
         raise InputError("argument 'grid': limits of jerk need cells that adapt themselves; leave the grid out")
     timings: list[PathTiming | JerkTiming] = []
@@ -164,10 +164,6 @@ def _subject(
         except InputError as error:
             raise InputError(str(error).replace("argument 'motions'", "argument 'path'")) from None
         motion = subject.motions[0]
-    if subject.config is not None and subject.config.transmissions:
-        raise InputError(
-            f"{subject.config.source}: transmissions: the fastest motion does not know motors that move several joints"
-        )
     mechanism = subject.mechanism
     if isinstance(path, JointPath):
         if mechanism.closed:
@@ -243,7 +239,11 @@ def _warnings(
 ) -> tuple[str, ...]:
     found = list(dict.fromkeys(bounds.notes))
     limited = {name.joint for name in bounds.names if "torque" in name.what}
-    free = [joint.name for joint in bounds.mechanism.motors if joint.name not in limited]
+    free = [
+        axis
+        for joint, axis in zip(bounds.mechanism.motors, bounds.axis_names, strict=True)
+        if not limited & {joint.name, axis}
+    ]
     if free:
         found.append(f"no torque limits the motors at {', '.join(free)}: none is known")
     found += mechanism_notes(bounds.mechanism)

@@ -22,6 +22,7 @@ from bellcrank.scene.overrides import EXPECTED_OVERRIDES
 from bellcrank.text import one_line
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.motion.duty_program import DutyStep
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
@@ -42,6 +43,11 @@ class SizingSubject(NamedTuple):
     actuators: Mapping[str, Actuator]
     config: RobotConfig | None
     all_motions: bool = False
+
+    @property
+    def transmissions(self) -> tuple[CoupledTransmission, ...]:
+        """Motors of the configuration that move several joints together."""
+        return () if self.config is None else self.config.transmissions
 
     @property
     def duty(self) -> tuple[DutyStep, ...] | None:
