@@ -53,6 +53,7 @@ class TreeInverseDynamics:
         self.forces: tuple[Force, ...] = () if scene is None else scene.forces
         self.parameters: Array = np.zeros(0) if scene is None else scene.parameter_values
         self.sets_tree = scene is not None and any(p.places for p in scene.parameters.values())
+        self._code: dict[str, Compiled] = {}
 
     # ---- forces
 
@@ -154,9 +155,10 @@ class TreeInverseDynamics:
     def _with_parameters(self, name: str, build: Callable[[Scene], casadi.Function], *states: Array) -> Array:
         scene = self.scene
         assert scene is not None
-        targets = [parameter.sets for parameter in scene.parameters.values()]
-        code = self.robot.compiled(f"{name} {targets!r}", lambda: build(scene))
-        return np.asarray(code(*states, self.parameters))
+        if name not in self._code:
+            targets = [parameter.sets for parameter in scene.parameters.values()]
+            self._code[name] = self.robot.compiled(f"{name} {targets!r}", lambda: build(scene))
+        return np.asarray(self._code[name](*states, self.parameters))
 
     def _inverse_dynamics(self, scene: Scene) -> casadi.Function:
         import casadi
