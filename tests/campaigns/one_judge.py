@@ -2,8 +2,9 @@
 sizings, and `judge` on the file that `select` wrote.
 
 Each case is an arm of 1 to 6 joints, revolute or prismatic, with masses and inertias of any size, the last two perhaps
-moved by two motors together, or a shipped linkage with another gravity. It has friction and damping, springs, a payload, a motion with reversals and rests, or two along a
-duty program, motors and gears of the catalogue, and conditions. Uses must agree to 1e-9, verdicts exactly.
+moved by two motors together, or a shipped linkage with another gravity. It has friction and damping, springs, a
+payload, a motion with reversals and rests, or two along a duty program, motors and gears of the catalogue, and
+conditions. Uses must agree to 1e-9, verdicts exactly.
 
 python -m tests.campaigns.one_judge --cases 200 --seed 1
 """
