@@ -311,7 +311,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                                        "trust": ["."]}),
         "Settings": (bc.Settings, {
             "duration": 1.0, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": 0.1, "first_step": 0.1,
-            "max_step": 0.1, "samples": 11, "max_evaluations": 1000, "stabilisation": "none"}),
+            "max_step": 0.1, "samples": 11, "max_evaluations": 1000, "error_bound": 1e-3,
+            "stabilisation": "none"}),
         "simulate": (bc.simulate, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
@@ -427,7 +428,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(run, constraint_residual={}, energy_drift={}, equation_residual={}, error_estimate={},
              frame={"name": "P1"}, joint={"name": "swing"}, output={"name": "energy"},
              plot={"path": None, "frame": "P1"}, part={"rows": slice(0, 1)}, parts={},
-             remember_estimate={"value": 1e-9}, remember_origin={"file": "r.npz"},
+             remember_estimate={"value": 1e-9, "known_until": 2.0}, remember_origin={"file": "r.npz"},
              remember_sensitivities={"known": run.computed_sensitivities}, sensitivity={"name": "initial.swing"},
              save={"path": "r.npz"}, summary={},
              to_csv={"path": "r.csv", "progress": None}, velocity_residual={}),

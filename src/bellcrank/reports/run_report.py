@@ -50,7 +50,7 @@ def run_document(run: Trajectory) -> Document:
         parts.append(Picture(title, svg_of(figure)))
     return Document(
         title=run.scene.name,
-        status="Warnings" if against else "OK",
+        status="Warnings" if against else "OK" if run.known_until is not None else "Error not estimated",
         success=not against,
         verdict=_verdict(run, against),
         about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
@@ -70,12 +70,13 @@ def _non_finite(run: Trajectory) -> list[str]:
 def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
     lines = [run.message.removeprefix(f"{run.scene.name}: ")]
     if not warnings:
-        drift, residual = run.energy_drift(), run.equation_residual()
-        text = f"Self-checks passed: the relative energy error is {drift:.1e}, "
-        text += f"the residual of the equations of motion {residual:.1e}"
+        drift, residual, known = run.energy_drift(), run.equation_residual(), run.known_accuracy
+        text = "Residuals are small" if known is None else "Self-checks passed"
+        text += f": the relative energy error is {drift:.1e}, the residual of the equations of motion {residual:.1e}"
         if run.scene.constraints:
             text += f", and the residual of the constraints {run.constraint_residual():.1e} m or rad"
-        lines.append(text + ".")
+        error = "is not estimated" if known is None else f"is about {known.estimate:.1e} rad or m"
+        lines.append(f"{text}; the error of the positions {error}.")
     return tuple(line[:1].upper() + line[1:] for line in lines)
 
 

@@ -16,6 +16,7 @@ from bellcrank.messages import unknown_name
 STABILISATIONS = ("projection", "none", "baumgarte")
 SOLVERS = ("RK45", "RK4", "DOP853", "Radau", "auto")
 IMPLICIT = ("Radau", "auto")  # those that may need derivatives
+ERROR_BOUND = 1e-3  # default share of a coordinate's range
 FINEST_RTOL = 1e-13  # for smaller values the error estimate consists of rounding errors
 MOST_NUMBERS = 4 * 10**9 // 8  # doubles in the states of a run: 4 GB
 
@@ -54,6 +55,8 @@ class Settings:
         max_step: Largest step, s; None for no limit.
         samples: Number of equally spaced output times, at least 2.
         max_evaluations: Number of evaluations of the equations of motion after which a simulation is stopped.
+        error_bound: Up to which error a position counts as known: this share of the range of its coordinate in the run,
+            or of 1e-3 rad or m if that is larger.
         stabilisation: How constraints are kept from drifting: "projection", "none", {"kind": "baumgarte", "alpha": …,
             "beta": …} (1/s) or {"kind": "baumgarte", "gains": "auto"}.
 
@@ -76,13 +79,14 @@ class Settings:
     max_step: float | None = None
     samples: int = 1001
     max_evaluations: int = 10**8
+    error_bound: float = ERROR_BOUND
     stabilisation: Stabilisation = Stabilisation()
 
     def __post_init__(self) -> None:
         if not isinstance(self.solver, str) or self.solver not in SOLVERS:
             solver = arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}")
             raise InputError(f"solver: {unknown_name('solver', solver, SOLVERS)}")
-        for name in ("duration", "rtol", "atol", "step", "first_step", "max_step"):
+        for name in ("duration", "rtol", "atol", "step", "first_step", "max_step", "error_bound"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
                 continue
@@ -103,7 +107,8 @@ class Settings:
 
 def read_settings(read: Fields) -> Settings:
     """Read the mapping `simulate`. Raises InputError naming file and key."""
-    units = {"duration": "s", "rtol": "", "atol": "", "step": "s", "first_step": "s", "max_step": "s"}
+    units = {"duration": "s", "step": "s", "first_step": "s", "max_step": "s"}
+    units |= dict.fromkeys(("rtol", "atol", "error_bound"), "")
     values: dict[str, Any] = {}
     for field in fields(Settings):
         name = field.name

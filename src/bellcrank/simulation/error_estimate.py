@@ -11,10 +11,11 @@ A run has three sources of error:
   tolerances reduce neither. Runs with ten times and a tenth of the fraction have about ten times the one and the other;
   a part of their differences, with a margin for scatter, is the smallest error that is reported.
 
-The estimate is the largest of these differences. On N four-bars (N = 2, 5, 10 and 40; tolerances 1e-8 to 1e-13) it was
-0.8 to 40 times the error known from their reduced equation, except where that error was small by chance; on Bricard's
-linkage, a four-bar, a rolling disk and open chains it was 0.95 to 1.1 times the error, and up to 25 times at
-rtol < 2e-13.
+The estimate is the largest of these differences, and a run is known up to the time at which one of them is first larger
+than the bound of its coordinate (`Settings.error_bound`). On N four-bars (N = 2, 5, 10 and 40; tolerances 1e-8 to
+1e-13) the estimate was 0.8 to 40 times the error known from their reduced equation, except where that error was small
+by chance; on Bricard's linkage, a four-bar, a rolling disk and open chains it was 0.95 to 1.1 times the error, and up
+to 25 times at rtol < 2e-13.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import methods
+from bellcrank.dynamics.system import system_of
 from bellcrank.scene.settings import FINEST_RTOL
 from bellcrank.simulation.integration import repeat_run
 from bellcrank.simulation.status import Status
@@ -40,35 +42,89 @@ SAME_END = 1e-6  # of its duration: by so much a repeated run may end earlier, a
 FINER = 0.01  # of the tolerances
 # factors of the regularisation, and by what the difference is divided; measured on the N four-bars
 REGULARISATIONS = ((10.0, 2.0), (0.1, 5.0))
+LEAST_RANGE = 1e-3  # rad or m: a coordinate that moves less has no smaller bound
+SAFE = 0.8  # of a bound: an estimate may be smaller than the error by as much
 TINIEST = 5e-324  # s, rad or m: the smallest step or tolerance, as half of it is 0
 DRIFTED = 1e4  # times the tolerance: the most by which a run without projection may differ
 LONGEST = 10.0  # s of integration that a comparison may take without being asked for
+UNASKED = 1.0  # s that an estimate may take without being asked for
 EVALUATIONS = 20  # times the limit of the settings: the limit of a repeated run
 
 
-def error_estimate(run: Trajectory, seconds: float = math.inf) -> float | None:
-    """The error of the positions (rad or m): the largest difference from repeated runs.
+@dataclass(frozen=True)
+class Accuracy:
+    """How well the positions of a run are known.
 
-    Infinite where one of them ended early, None where one takes more than about so many `seconds` of integration.
-    Raises KeyboardInterrupt where one was interrupted.
+    Attributes:
+        estimate: Their largest error, rad or m; infinite where a repeated run ended early.
+        known_until: The last output time up to which the error of every coordinate is below its bound, s; infinite
+            where that is the whole run.
+    """
+
+    estimate: float
+    known_until: float
+
+
+def error_bounds(run: Trajectory) -> Array:
+    """Up to which error (nq,), rad or m, each position of a run counts as known."""
+    return np.asarray(run.settings.error_bound * np.maximum(np.ptp(run.position, axis=0), LEAST_RANGE))
+
+
+def accuracy(run: Trajectory, seconds: float = math.inf) -> Accuracy | None:
+    """How well the positions of a run are known, by repeated runs.
+
+    None where one takes more than about so many `seconds` of integration. Raises KeyboardInterrupt where one was
+    interrupted.
     """
     if not (run.time > 0.0).any():
-        return math.inf
+        return Accuracy(math.inf, 0.0)
     finer, rest = _finer(run)
     wanted = [(finer, 1.0, 1.0 - rest)]
     if run.scene.constraints:
         wanted += [(settings, share, floors) for share, floors in REGULARISATIONS for settings in (run.settings, finer)]
-    largest = 0.0
+    largest, until, bounds = 0.0, math.inf, SAFE * error_bounds(run)
     for settings, share, parts in wanted:
         again = _repeated(run, settings, share, seconds)
         if again is None:
             return None
+        gaps = _differences(run, again) / parts
         largest = max(largest, _largest_difference(run, again) / parts)
-    return largest
+        until = min(until, _known_until(run, gaps <= bounds))
+    return Accuracy(largest, until)
+
+
+def _known_until(run: Trajectory, within: NDArray[np.bool_]) -> float:
+    """The last time of a run up to which all errors (n, nq), at its first n times after 0, are within their bounds."""
+    rows = np.asarray(within.all(axis=1))
+    count = len(rows) if rows.all() else int(np.argmin(rows))
+    time = run.time[run.time > 0.0]
+    if count == len(time):
+        return math.inf
+    return float(time[count - 1]) if count else 0.0
+
+
+def unasked_accuracy(run: Trajectory) -> Accuracy | str:
+    """How well the positions of a run are known if that is known already or takes about a second at most; else why not.
+
+    What is computed is remembered.
+    """
+    ask = "error_estimate(), or simulate --error-estimate"
+    if run.known_accuracy is not None:
+        return run.known_accuracy
+    if not run.success:
+        return "not computed (the run ended early)"
+    if not system_of(run.scene).is_loaded:
+        return f"not computed (its code is not loaded yet; {ask})"
+    cost = expected_cost(run)
+    found = accuracy(run, UNASKED) if cost < UNASKED else None
+    if found is None:
+        return f"not computed (it takes more than {max(cost, UNASKED):.2g} s; {ask})"
+    run.remember_estimate(found.estimate, found.known_until)
+    return found
 
 
 def expected_cost(run: Trajectory) -> float:
-    """About how long `error_estimate` will integrate, s, from the kernel time of the run; without compiling."""
+    """About how long `accuracy` will integrate, s, from the kernel time of the run; without compiling."""
     finer = _more_steps(run)
     return run.statistics.kernel_time * (2.0 + 3.0 * finer if run.scene.constraints else finer)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,8 +81,9 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     if file.is_dir():
         run = until_turned_over(run)  # this is done when a run ends
     run.remember_origin(file)
-    if estimate is not None:
-        run.remember_estimate(estimate)
+    until = about["known_until"]
+    if estimate is not None or until is not None:
+        run.remember_estimate(math.inf if estimate is None else estimate, math.inf if until is None else until)
     return run
 
 

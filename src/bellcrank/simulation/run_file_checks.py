@@ -18,7 +18,7 @@ from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
 from bellcrank.robot.joints import unit_vectors
-from bellcrank.scene.settings import STABILISATIONS, Settings, Stabilisation
+from bellcrank.scene.settings import ERROR_BOUND, STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.json_checks import (
     amount,
     anything,
@@ -49,6 +49,7 @@ _SETTINGS = keys(
     {
         "duration": positive, "solver": text, "rtol": positive, "atol": positive, "step": maybe(positive),
         "first_step": maybe(positive), "max_step": maybe(positive), "samples": count, "max_evaluations": count,
+        "error_bound": positive,
         "stabilisation": lambda value, name: Stabilisation(**_STABILISATION(value, name)),
     }
 )  # fmt: skip
@@ -68,7 +69,7 @@ _ABOUT = keys(
         "format": text, "version": count, "scene": text, "urdf": path, "files": named(text),
         "status": lambda value, name: Status(one_of(tuple(Status))(value, name)),
         "settings": lambda value, name: Settings(**_SETTINGS(value, name)),
-        "statistics": _STATISTICS, "error_estimate": maybe(amount),
+        "statistics": _STATISTICS, "error_estimate": maybe(amount), "known_until": maybe(amount),
         "events": each(keys({"name": text, "stopped": flag})),
         "signals": each(keys({"derivatives": count, "kinked": flag})),
         "versions": anything, "machine": anything,
@@ -81,6 +82,9 @@ def checked_about(about: dict[str, Any]) -> dict[str, Any]:
 
     Raises ValueError, or InputError where a setting is out of its range.
     """
+    about = {"known_until": None} | about  # files of 0.5 do not have it, nor the bound
+    if isinstance(about.get("settings"), dict):
+        about["settings"] = {"error_bound": ERROR_BOUND} | about["settings"]
     found: dict[str, Any] = _ABOUT(about, "")
     statistics = found["statistics"]
     lists = {name: tuple(statistics[name]) for name in ("unresolved", "switch_times")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +48,21 @@ def run_warnings(run: Trajectory) -> tuple[str, ...]:
         found.append(f"kinetic energy is negative (down to {least:.3g} J): check masses and inertias")
     found += _stiffness(run)
     return (*found, *_open_constraints(run), *_departure(run), *_false_events(run), *_missed_events(run))
+
+
+def not_known(run: Trajectory) -> tuple[str, ...]:
+    """A clause where the error of the positions is estimated to exceed its bound, and from when on."""
+    until = run.known_until
+    if until is None or until == math.inf:
+        return ()
+    known = run.known_accuracy
+    assert known is not None
+    size = "a repeated run ended early" if known.estimate == math.inf else f"it grows to {known.estimate:.2g} rad or m"
+    return (
+        f"the positions are not known beyond {until:.4g} s: there the error estimate exceeds "
+        f"{run.settings.error_bound:g} of a coordinate's range ({size}); take smaller tolerances, or end the run "
+        "before: a motion that is sensitive to its start can be known for a limited time only",
+    )
 
 
 def _stiffness(run: Trajectory) -> list[str]:

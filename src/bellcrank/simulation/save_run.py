@@ -97,6 +97,7 @@ def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
         "settings": asdict(run.settings),
         "statistics": asdict(run.statistics),
         "error_estimate": run.known_estimate if math.isfinite(run.known_estimate or 0.0) else None,
+        "known_until": _known_until(run),
         "events": [{"name": event.name, "stopped": event.stopped} for event in run.events],
         "signals": [{k: v for k, v in vars(s).items() if not isinstance(v, np.ndarray)} for s in run.signals],
         "versions": {"bellcrank": version()} | {p: _version(p) for p in ("pin", "casadi", "llvmlite", "numpy")},
@@ -161,6 +162,12 @@ def _add(files: dict[str, str], path: Path, text: str) -> str:
         name = readable(f"{path.stem}_{number}{path.suffix}")
     files[name] = text
     return name
+
+
+def _known_until(run: Trajectory) -> float | None:
+    """Up to when the run is known, s; None where that is its end, or not known."""
+    known = run.known_accuracy
+    return known.known_until if known is not None and math.isfinite(known.known_until) else None
 
 
 def _version(package: str) -> str:

@@ -12,7 +12,7 @@ from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.robot.joints import unit_vectors
-from bellcrank.simulation.error_estimate import error_estimate, expected_cost
+from bellcrank.simulation.error_estimate import unasked_accuracy
 from bellcrank.simulation.run_warnings import run_notes
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ JOINTS = 24  # joints listed
 SWITCHES = 4  # changes of method listed
 LEAVING = 5  # joints listed that leave their range
 CONSTRAINTS = 8  # constraints listed
-UNASKED = 1.0  # s that an error estimate may take without being asked for
 MANY_TURNS = 1e6  # rad: beyond it degrees are not shown
 END_HEADER = ("at the end", "position", "", "velocity")
 
@@ -116,23 +115,13 @@ def _known(value: float, unit: str) -> str:
 
 def _error(run: Trajectory) -> str:
     """The error estimate where it is known or takes less than a second, or why it was not computed."""
-    ask = "error_estimate(), or simulate --error-estimate"
-    value = run.known_estimate
-    if value is None:
-        if not run.success:
-            return "not computed (the run ended early)"
-        if not system_of(run.scene).is_loaded:
-            return f"not computed (its code is not loaded yet; {ask})"
-        cost = expected_cost(run)
-        value = error_estimate(run, UNASKED) if cost < UNASKED else None
-        if value is None:
-            return f"not computed (it takes more than {max(cost, UNASKED):.2g} s; {ask})"
-        run.remember_estimate(value)
-    return (
-        f"about {value:.1e} (rad or m) in positions, by repeated runs"
-        if math.isfinite(value)
-        else "unknown (a repeated run ended earlier)"
-    )
+    found = unasked_accuracy(run)
+    if isinstance(found, str):
+        return found
+    if not math.isfinite(found.estimate):
+        return "unknown (a repeated run ended earlier)"
+    known = "" if found.known_until == math.inf else f"; known up to {found.known_until:.4g} s"
+    return f"about {found.estimate:.1e} (rad or m) in positions, by repeated runs{known}"
 
 
 def _constraints(run: Trajectory) -> list[tuple[str, str]]:

@@ -28,9 +28,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.simulation.constraint_rank import ConstraintRank
+    from bellcrank.simulation.error_estimate import Accuracy
     from bellcrank.simulation.sensitivities import ComputedSensitivities, RunSensitivity
 
 Array = NDArray[np.float64]
+
+AT_REST = 1e-12  # of the energies: what changes less is rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,7 +133,8 @@ class Trajectory(StateHistory):
         computed from the states; W is the solver's quadrature of the power of actuators, dampers and friction.
 
         Returns:
-            A share of the largest energy; infinite where an energy is not finite, 0 for a run without any energy.
+            A share of the largest energy; infinite where an energy is not finite. 0 where the energies change by no
+            more than rounding, as at rest: 1e-12 of their size, or of the energy of lifting all masses by 1 m.
 
         Example:
             >>> import bellcrank as bc
@@ -142,10 +146,13 @@ class Trajectory(StateHistory):
 
         def measures(run: Self) -> list[Any]:
             t, v, w = run.kinetic_energy, run.potential_energy - v0, run.work - w0
-            return [np.abs((t - t0) + v - w).max(), (t + np.abs(v) + np.abs(w)).max()]
+            size = np.abs(run.kinetic_energy) + np.abs(run.potential_energy)
+            return [np.abs((t - t0) + v - w).max(), (t + np.abs(v) + np.abs(w)).max(), size.max()]
 
+        weight = np.linalg.norm(self.robot.gravity) * sum(f.mass for f in self.robot.equations.tree.frames)
         with np.errstate(all="ignore"):  # energies may overflow
-            return _share(*self._largest(measures))
+            gap, moved, size = self._largest(measures)
+        return 0.0 if moved <= AT_REST * (size + weight) else _share(gap, moved)
 
     def equation_residual(self) -> float:
         """Compute how far the accelerations miss the equations of motion.
@@ -247,33 +254,61 @@ class Trajectory(StateHistory):
             >>> bool(bc.simulate("pendulum", duration=1.0).error_estimate() < 1e-8)
             True
         """
-        known = self.known_estimate
+        known = self.known_accuracy
         if known is None:
-            from bellcrank.simulation.error_estimate import error_estimate
+            from bellcrank.simulation.error_estimate import accuracy
 
-            known = error_estimate(self)
+            known = accuracy(self)
             assert known is not None  # None: a limit of time was passed, and there is none
-            self.remember_estimate(known)
-        return known
+            self.remember_estimate(known.estimate, known.known_until)
+        return known.estimate
 
     @property
     def known_estimate(self) -> float | None:
         """The result of `error_estimate`, rad or m, if it was computed."""
-        known: float | None = vars(self).get("_estimate")
+        return None if self.known_accuracy is None else self.known_accuracy.estimate
+
+    @property
+    def known_until(self) -> float | None:
+        """The last time of the run, s, up to which the error of every position is below its bound.
+
+        The bound is `Settings.error_bound` of the range of the coordinate. Infinite where the whole run is known; None
+        where the error is not known: it is estimated unless that takes more than about a second, which
+        `error_estimate` takes if it has to.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).known_until
+            inf
+        """
+        from bellcrank.simulation.error_estimate import unasked_accuracy
+
+        found = unasked_accuracy(self)
+        return None if isinstance(found, str) else found.known_until
+
+    @property
+    def known_accuracy(self) -> Accuracy | None:
+        """The error of the positions and up to when they are known, if that was computed."""
+        known: Accuracy | None = vars(self).get("_accuracy")
         return known
 
-    def remember_estimate(self, value: float) -> None:
-        """Set `known_estimate`, such as from the file of the run.
+    def remember_estimate(self, value: float, known_until: float = math.inf) -> None:
+        """Set `known_estimate` and `known_until`, such as from the file of the run.
 
         Args:
             value: The error of the positions, rad or m, 0 or more.
+            known_until: Up to when the positions are known, s.
 
         Raises:
-            InputError: `value` is negative or not a number.
+            InputError: A value is negative or not a number.
         """
+        from bellcrank.simulation.error_estimate import Accuracy
+
         if not (isinstance(value, float) and value == math.inf):
             value = arguments.number("value", value, "rad or m", least=0.0)
-        vars(self)["_estimate"] = value
+        if not (isinstance(known_until, float) and known_until == math.inf):
+            known_until = arguments.number("known_until", known_until, "s", least=0.0)
+        vars(self)["_accuracy"] = Accuracy(value, known_until)
 
     @cached_property
     def non_finite(self) -> tuple[str, ...]:
@@ -285,15 +320,21 @@ class Trajectory(StateHistory):
 
         return non_finite(self)
 
-    @cached_property
+    @property
     def warnings(self) -> tuple[str, ...]:
-        """Reasons not to trust the run, a sentence each: it ended early, or a residual is large.
+        """Reasons not to trust the run, a sentence each: it ended early, a residual is large, or it is not known.
 
         Example:
             >>> import bellcrank as bc
             >>> bc.simulate("pendulum", duration=1.0).warnings
             ()
         """
+        from bellcrank.simulation.run_warnings import not_known
+
+        return (*self._own_warnings, *not_known(self))
+
+    @cached_property
+    def _own_warnings(self) -> tuple[str, ...]:
         from bellcrank.simulation.run_warnings import run_warnings
 
         return run_warnings(self)
