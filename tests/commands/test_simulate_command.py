@@ -143,9 +143,9 @@ def test_notes_are_of_the_duration_that_was_simulated(arm, capsys):
     Path("torque.csv").write_text("time [s],elbow torque [N m]\n0,0\n0.2,1\n")
     table = "forces=[{kind: torque, joint: elbow, file: torque.csv}]"
     assert main(["simulate", "arm.yaml", "--set", table, "--duration", "0.2", "--no-plots"]) == 0
-    assert "note:" not in capsys.readouterr().out
+    assert "  note " not in capsys.readouterr().out
     assert main(["simulate", "arm.yaml", "--set", table, "--duration", "0.3", "--no-plots"]) == 0
-    assert "note: force 'torque': its table ends at 0.2 s and the run at 0.3 s" in capsys.readouterr().out
+    assert "force 'torque': its table ends at 0.2 s and the run at 0.3 s" in capsys.readouterr().out
 
 
 def test_the_list_of_robots_says_what_each_card_is_and_what_it_is_for(capsys):

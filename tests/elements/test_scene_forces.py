@@ -194,7 +194,10 @@ def test_computed_torque_leaves_the_error_a_linear_equation(folder):
     friction = {"elbow": {"viscous": 0.3, "coulomb": 0.5}}
     actuators = {"elbow": {"ratio": 50, "rotor_inertia": 1e-4, "rated_torque": 1, "peak_torque": 2, "rated_speed": 300,
                         "max_speed": 400}}  # fmt: skip
-    scene = crane(folder, motions={"go": motion}, control=control, friction=friction, actuators=actuators)
+    driven = ["shoulder", "elbow", "slide"]
+    scene = crane(
+        folder, motions={"go": motion}, control=control, friction=friction, actuators=actuators, actuated=driven
+    )
     robot = scene.robot
     for error in (0.0, 0.2):
         wrong = scene.with_overrides({"control.c.mass_error": error})

@@ -28,6 +28,7 @@ class Loads:
         reach: The size of lengths, m.
         start: What replaces keys of the scene: the start, gravity.
         duration: Of the run, s.
+        passive: Which of the joints have no motor, so that no controller acts there.
     """
 
     links: tuple[str, str]
@@ -36,6 +37,7 @@ class Loads:
     reach: float
     start: Mapping[str, Any]
     duration: float = 0.3
+    passive: tuple[str, ...] = ()
 
 
 def write_loaded_scene(scene: Mapping[str, Any], loads: Loads, folder: Path) -> Path:
@@ -49,7 +51,7 @@ def write_loaded_scene(scene: Mapping[str, Any], loads: Loads, folder: Path) -> 
         "eye": {"link": other, "xyz": [-0.11 * size, 0.23 * size, 0.06 * size], "rpy": [-0.2, 0.5, 0.3]},
     }
     data["forces"] = [*data.get("forces", ()), *_forces_at_frames(loads), *_forces_at_joints(joints)]
-    data["control"] = [*data.get("control", ()), *_controllers(joints)]
+    data["control"] = [*data.get("control", ()), *_controllers(joints, loads.passive)]
     data["parameters"] = data.get("parameters", {}) | {
         "stiffness": {"value": 1.7 * f / size, "sets": ["forces.tie.stiffness"]},
         "offset": {"value": 0.31 * size, "sets": ["frame.hook.origin.x"]},
@@ -129,17 +131,20 @@ def _forces_at_joints(joints: list[tuple[str, float]]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _controllers(joints: list[tuple[str, float]]) -> list[dict[str, Any]]:
+def _controllers(joints: list[tuple[str, float]], passive: tuple[str, ...]) -> list[dict[str, Any]]:
     if not joints:
         return []
     (a, most), (b, least) = joints
+    driven = [name for name in (a, b) if name not in passive]
+    of = lambda values: {name: value for name, value in values.items() if name in driven}  # noqa: E731
+    last, size = (driven[-1], least if driven[-1] == b else most)
     return [
         {
-            "name": "servo", "kind": "pd", "joints": [a, b], "target": {a: 0.3, b: -0.15},
-            "kp": {a: 0.9 * most, b: 0.6 * least}, "kd": {a: 0.11 * most, b: 0.08 * least},
+            "name": "servo", "kind": "pd", "joints": driven, "target": of({a: 0.3, b: -0.15}),
+            "kp": of({a: 0.9 * most, b: 0.6 * least}), "kd": of({a: 0.11 * most, b: 0.08 * least}),
         },
-        {"name": "brake", "kind": "pd", "target": {b: -2.5}, "kp": 3.0 * least, "limit": 0.13 * least},
-        {"name": "weight", "kind": "gravity_compensation", "joints": [a, b], "mass_error": 0.15},
+        {"name": "brake", "kind": "pd", "target": {last: -2.5}, "kp": 3.0 * size, "limit": 0.13 * size},
+        {"name": "weight", "kind": "gravity_compensation", "joints": driven, "mass_error": 0.15},
     ]  # fmt: skip
 
 

@@ -78,6 +78,7 @@ class TestFourBar(
         loads=Loads(
             links=("coupler_link", "rocker_link"),
             joints={"crank": 4.0, "rocker": 2.5},
+            passive=("rocker",),
             force=3.0,
             reach=0.6,
             duration=0.5,

@@ -32,6 +32,7 @@ forces:
   - {kind: friction, joint: shoulder, viscous: 0.1, coulomb: 0.5, width: 0.01}
   - {name: push, kind: torque, joint: elbow, file: torque.csv, interpolation: linear}
   - {name: wind, kind: wrench, frame: hook, force: [1, 2, 3], torque: [0, 0.1, 0], expressed_in: world}
+actuated: [shoulder, elbow, slide]
 control:
   - {name: weight, kind: gravity_compensation, mass_error: 5 %}
   - {name: hold, kind: pd, joints: [shoulder, elbow], motion: swing, kp: {shoulder: 50, elbow: 20}, kd: 2,
@@ -60,6 +61,7 @@ FLYING = """name: Flying crane
 urdf: crane.urdf
 floating_base: true
 base: {position: [0, 0, 2], rpy: [0, 10 deg, 0], linear_velocity: [1, 0, 0], expressed_in: world}
+actuated: [shoulder, elbow, slide]
 control:
   - {kind: pd, target: {elbow: 0.3, slide: 0.1}, kp: 20, kd: 2}
 outputs:

@@ -24,6 +24,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
+from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
 
@@ -254,9 +255,11 @@ def _outputs(point: OperatingPoint, joints: Sequence[RobotJoint]) -> tuple[Names
 def _notes(scene: Scene) -> tuple[str, ...]:
     """What a linear model does not tell of this scene."""
     rough = [force.name for force in scene.forces if isinstance(force, Friction) and force.coulomb]
+    told = file_notes(scene)
     if scene.robot.coulomb.any() or rough:
         return (
+            *told,
             "Coulomb friction is smoothed within a small velocity; at rest its slope there is a large viscous "
             "coefficient, and a joint may stay where it is although the linear equations say that it creeps",
         )
-    return ()
+    return told

@@ -75,7 +75,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
     from bellcrank.simulation.checkpoints import checkpoint_folder, set_aside
-    from bellcrank.simulation.scene_notes import scene_notes
     from bellcrank.simulation.simulate import simulate
     from bellcrank.simulation.status import Status
     from bellcrank.terminal import interruption
@@ -128,8 +127,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(result.summary())
         if result.known_estimate is not None and not arguments.error_estimate:
             result.save(target)  # with the estimate, which the summary made
-        for note in scene_notes(scene, result.settings.duration):
-            print(f"  note: {note}")
         for name in result.sensitivities:
             for text in result.sensitivity(name).notes:
                 print(f"  note: sensitivity by {name}: {text}")

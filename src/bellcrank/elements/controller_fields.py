@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from bellcrank.config.fields import Fields
@@ -23,17 +24,57 @@ def all_joints(robot: Robot) -> tuple[RobotJoint, ...]:
     return tuple(joint for joint in robot.joints if joint.nv == 1)
 
 
-def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -> tuple[RobotJoint, ...]:
-    """Read `joint` or `joints` (a list, or "all"); `otherwise` without these keys. Raises InputError naming the key."""
+@dataclass(frozen=True)
+class Driven:
+    """The joints at which controllers may act.
+
+    Attributes:
+        robot: The robot.
+        joints: Those with motors: named by `actuated`, or with actuators; all with one degree of freedom where the
+            file names none.
+        named: Whether the file names any.
+    """
+
+    robot: Robot
+    joints: tuple[RobotJoint, ...]
+    named: bool
+
+    @classmethod
+    def of(cls, robot: Robot, motors: Collection[str]) -> Driven:
+        """Those of a robot whose joints with motors have these names."""
+        joints = all_joints(robot)
+        return cls(robot, tuple(joint for joint in joints if joint.name in motors) if motors else joints, bool(motors))
+
+    def checked(self, read: Fields, key: str, joints: tuple[RobotJoint, ...]) -> tuple[RobotJoint, ...]:
+        """Joints that a key names. Raises InputError where one has no motor."""
+        for joint in joints:
+            if joint not in self.joints:
+                names = ", ".join(one.name for one in self.joints)
+                raise read.error(
+                    key,
+                    f"joint '{joint.name}' has no motor: those of the file are at {names}; add it to 'actuated' (or "
+                    "give it an actuator), or write a force under 'forces'",
+                )
+        return joints
+
+
+def read_joints(
+    read: Fields, driven: Driven, otherwise: tuple[RobotJoint, ...], otherwise_key: str = "joints"
+) -> tuple[RobotJoint, ...]:
+    """Read `joint` or `joints` (a list, or "all": those with motors); `otherwise`, which `otherwise_key` names, without
+    these keys. Raises InputError naming the key.
+    """
+    robot = driven.robot
     read.known("joint", "joints")
     if "joint" in read and "joints" in read:
         raise read.error("joints", "expected 'joint' or 'joints', found both")
     if "joint" in read:
-        return (joint_named(read, "joint", read.text("joint"), robot),)
+        return driven.checked(read, "joint", (joint_named(read, "joint", read.text("joint"), robot),))
+    key = "joints"
     if "joints" not in read:
-        joints = otherwise
+        joints, key = otherwise, otherwise_key
     elif read.raw("joints") == "all":
-        joints = all_joints(robot)
+        joints = driven.joints
     else:
         given = read.raw("joints")
         if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
@@ -43,7 +84,7 @@ def read_joints(read: Fields, robot: Robot, otherwise: tuple[RobotJoint, ...]) -
         joints = tuple(joint_named(read, "joints", name, robot) for name in given)
     if not joints:
         raise read.error("joints", "expected at least one joint with one degree of freedom, found none")
-    return joints
+    return driven.checked(read, key, joints)
 
 
 def read_motion_name(read: Fields, motions: Mapping[str, Any]) -> str:

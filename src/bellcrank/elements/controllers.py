@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.controller_fields import (  # fmt: skip
+    Driven,
     Gain,
     all_joints,
     read_gain,
@@ -110,7 +111,8 @@ class Controller(Force):
 class PD(Controller):
     """τ = kp (target − θ) + kd (target rate − θ̇) at each joint.
 
-    It acts at `joint`, or at `joints` (a list, or "all"); by default at the joints of `target`, or at all joints.
+    It acts at `joint`, or at `joints` (a list, or "all" with motors); by default at the joints of `target`, or at all
+    with motors.
     `target` is a constant posture {joint: rad or m}; `motion` is a motion of the configuration, whose velocity is
     used too. kp is in N m/rad or N/m, kd in N m s/rad or N s/m.
     """
@@ -122,7 +124,7 @@ class PD(Controller):
     kind: ClassVar[str] = "pd"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
         read.known("joint", "joints", "target", "motion", "kp", "kd", "limit")
         if ("target" in read) == ("motion" in read):
@@ -131,18 +133,21 @@ class PD(Controller):
         target, source = None, None
         if "target" in read:
             places = read.mapping("target")
-            of = {key: joint_named(places, key, key, robot) for key in places}
+            of = {key: joint_named(places, key, key, driven.robot) for key in places}
             target = {key: places.number(key, joint_unit(j, "position")) for key, j in of.items()}
-            joints = read_joints(read, robot, tuple(of.values()))
+            joints = read_joints(read, driven, tuple(of.values()), "target")
             for joint in joints:
                 if joint.name not in target:
                     raise read.error("target", f"expected a value for joint '{joint.name}', found none")
+            driven.checked(read, "target", tuple(of.values()))
+            for unused in target.keys() - {joint.name for joint in joints}:
+                raise read.error("target", f"joint '{unused}' is not one of 'joints'; add it there, or remove it here")
         else:
-            joints = read_joints(read, robot, all_joints(robot))
+            joints = read_joints(read, driven, driven.joints)
             motion = read_motion_name(read, motions)
             source = motion_source(motion, partial(motion_of, motion), joints, 1)
         kp, kd = read_gain(read, "kp", joints, "stiffness"), read_gain(read, "kd", joints, "damping", 0.0)
-        return cls(name, read, joints, read_limit(read, joints, robot), kp, kd, target, source)
+        return cls(name, read, joints, read_limit(read, joints, driven.robot), kp, kd, target, source)
 
     def quantities(self) -> dict[str, str]:
         """Gains, targets and the limit."""
@@ -183,15 +188,22 @@ class ComputedTorque(Controller):
     kind: ClassVar[str] = "computed_torque"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
         read.known("motion", "kp", "kd", "limit", "mass_error")
-        joints = all_joints(robot)
+        robot, joints = driven.robot, all_joints(driven.robot)
         other = next((joint for joint in robot.joints if joint.nv != 1), None)
         if other is not None:
             raise read.error(
                 "kind",
                 f"computed_torque requires joints with one degree of freedom, '{other.name}' is {other.kind}; use pd",
+            )
+        free = [joint.name for joint in joints if joint not in driven.joints]
+        if free:
+            raise read.error(
+                "kind",
+                f"computed_torque requires a motor at each joint, and 'actuated' and 'actuators' name none at "
+                f"{', '.join(free)}; use pd, or add the joint to 'actuated'",
             )
         motion = read_motion_name(read, motions)
         kp, kd = read_gain(read, "kp", joints, "1/s^2"), read_gain(read, "kd", joints, "1/s")
@@ -228,17 +240,17 @@ class ComputedTorque(Controller):
 class GravityCompensation(Controller):
     """τ = the gravity torque at θ, with the masses of the links scaled by 1 + mass_error.
 
-    It acts at `joints` (a list, or "all", the default), and not on a free base, which has no motor.
+    It acts at `joints` (a list, or "all" with motors, the default), and not on a free base, which has none.
     """
 
     mass_error: float
     kind: ClassVar[str] = "gravity_compensation"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
-        joints = read_joints(read, robot, all_joints(robot))
-        return cls(name, read, joints, read_limit(read, joints, robot), read_mass_error(read))
+        joints = read_joints(read, driven, driven.joints)
+        return cls(name, read, joints, read_limit(read, joints, driven.robot), read_mass_error(read))
 
     def quantities(self) -> dict[str, str]:
         """The mass error and the limit."""
@@ -258,11 +270,13 @@ KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {
 }
 
 
-def read_control(read: Fields, robot: Robot, motions: Mapping[str, Any], motion_of: MotionOf) -> tuple[Controller, ...]:
+def read_control(
+    read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf
+) -> tuple[Controller, ...]:
     """Read the list `control`; `motion_of` computes one of the `motions` by name. Raises InputError naming the key."""
     controllers: list[Controller] = []
     for name, entry in named_entries(read, "control"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]
-        controllers.append(kind.read(name, entry, robot, motions, motion_of))
+        controllers.append(kind.read(name, entry, driven, motions, motion_of))
         entry.done()
     return tuple(controllers)

@@ -55,7 +55,11 @@ def run_document(run: Trajectory) -> Document:
         verdict=_verdict(run, against),
         about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
         warnings=warnings,
-        notes=(*notes[:NOTES], *([f"… and {more} more joints that leave their range"] if more > 0 else ())),
+        notes=(
+            *notes[:NOTES],
+            *([f"… and {more} more joints that leave their range"] if more > 0 else ()),
+            *run.notes[len(notes) :],
+        ),
         still=_still(run),
         parts=tuple(parts),
     )

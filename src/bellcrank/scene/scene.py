@@ -24,6 +24,7 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
+from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import Controller, read_control
 from bellcrank.elements.element import Element, Force
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
@@ -422,9 +423,9 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
         config = replace(config, actuated=imported_motors(constraints, robot))
     loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
     forces = read_forces(read, robot)
-    control = read_control(read, robot, config.motions, motion_of)
-    refuse_joints_off_paths(constraints, control, robot, config.motions)
     motors = config.actuated or config.joints_with_actuators
+    control = read_control(read, Driven.of(robot, motors), config.motions, motion_of)
+    refuse_joints_off_paths(constraints, control, robot, config.motions)
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)

@@ -50,9 +50,13 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
         *_paths(scene),
         *_drives(scene, duration),
         *_events(scene),
-        *_coupled_motors(scene),
-        *scene.config.notes,
+        *file_notes(scene),
     )
+
+
+def file_notes(scene: Scene) -> tuple[str, ...]:
+    """The notes on a scene whatever its start and duration: what its files say and is not modelled, and its motors."""
+    return (*_coupled_motors(scene), *_all_driven(scene), *scene.config.notes)
 
 
 def _rows(scene: Scene) -> Iterator[str]:
@@ -83,6 +87,16 @@ def _coupled_motors(scene: Scene) -> Iterator[str]:
             f"the rotors of the motors of coupled transmissions are not included: {', '.join(names)}; controllers act "
             "on the joints"
         )
+
+
+def _all_driven(scene: Scene) -> Iterator[str]:
+    """Controllers of all joints, where the file says nothing of motors."""
+    config = scene.config
+    if config.actuated or config.joints_with_actuators:
+        return
+    for part in scene.control:
+        if part.place.raw("joints", "all") == "all" and not {"joint", "target"} & {*part.place}:
+            yield (f"control '{part.name}' acts at all joints: none is named under 'actuated' and none has an actuator")
 
 
 def _branch(scene: Scene) -> Iterator[str]:

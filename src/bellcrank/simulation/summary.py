@@ -92,10 +92,11 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
-    notes = run_notes(run)
-    rows += [("note", text) for text in notes[:LEAVING]]
-    if len(notes) > LEAVING:
-        rows.append(("", f"… and {_count(len(notes) - LEAVING, 'more joint')} that leave their range"))
+    leaving = run_notes(run)
+    rows += [("note", text) for text in leaving[:LEAVING]]
+    if len(leaving) > LEAVING:
+        rows.append(("", f"… and {_count(len(leaving) - LEAVING, 'more joint')} that leave their range"))
+    rows += [("note", text) for text in run.notes[len(leaving) :]]
     return rows + [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings)]
 
 

@@ -320,6 +320,20 @@ class Trajectory(StateHistory):
 
         return non_finite(self)
 
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What to know about the run: what its files say and is not modelled, what was changed, what it reached.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).notes
+            ()
+        """
+        from bellcrank.simulation.run_warnings import run_notes
+        from bellcrank.simulation.scene_notes import scene_notes
+
+        return (*run_notes(self), *scene_notes(self.scene, self.settings.duration))
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons not to trust the run, a sentence each: it ended early, a residual is large, or it is not known.

@@ -98,7 +98,7 @@ class SizingRunner(Portable):
             found.append(f"designs are sized one by one, because {reason}")
         if not self.shared.reports_holding:
             found.append("holding torques are not among the measures; `bellcrank size` gives them for one design")
-        return tuple(dict.fromkeys([*found, *self._path_notes()]))
+        return tuple(dict.fromkeys([*self.scene.config.notes, *found, *self._path_notes()]))
 
     def _path_notes(self) -> list[str]:
         """A sentence for each motion of an open chain that is made from a frame's path while lengths are varied."""

@@ -12,6 +12,7 @@ from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.study import METHODS, MOST_POINTS, Study
+from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.studies.axes import Axis, parse_values, read_axis
 from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.design_space import DesignSpace
@@ -60,7 +61,7 @@ def plan_sweep(
     space = DesignSpace(axes, _sample(scene, axes, sample))
     for axis in axes:
         _check(scene, axis, checking)
-    return SweepPlan(scene, space, SimulationRunner(scene, axes))
+    return SweepPlan(scene, space, SimulationRunner(scene, axes), file_notes(scene))
 
 
 def plan_sizings(
