@@ -91,6 +91,18 @@ class SphericalSpring:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrameSpring:
+    """A spring with a damper between two points: tension = stiffness (l − free_length) + damping l̇, N/m, N s/m, m."""
+
+    name: str
+    a: FramePlace
+    b: FramePlace
+    stiffness: float
+    damping: float
+    free_length: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointMotor:
     """A motor at a joint: the joint turns `gear` times slower than the motor; `effort` is the largest torque or force
     at the joint (N m or N), None where the file gives none.
@@ -115,7 +127,7 @@ class RobotFile:
             (attribute `pitch`, m per revolution).
         loops: Closed loops and couplings of joints.
         loop_file: The resolved path of another file that the loops were read from, or None.
-        springs: Springs at joints.
+        springs: Springs at joints, and between points.
         motors: Motors at joints.
         rotor_inertia: Rotor inertia reflected to the joint, by joint, kg m² (kg for prismatic joints).
         start: Positions of joints at the start, by joint (rad or m, or all coordinates of the joint); None: not given.
@@ -127,7 +139,7 @@ class RobotFile:
     urdf: str
     loops: tuple[Loop, ...] = ()
     loop_file: Path | None = None
-    springs: tuple[JointSpring | SphericalSpring, ...] = ()
+    springs: tuple[JointSpring | SphericalSpring | FrameSpring, ...] = ()
     motors: tuple[JointMotor, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float | tuple[float, ...]] | None = None

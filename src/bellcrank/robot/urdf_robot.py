@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from bellcrank.errors import InputError
@@ -12,11 +12,11 @@ from bellcrank.messages import unknown_name
 from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
 from bellcrank.robot.joint_types import with_joint_types
 from bellcrank.robot.robot_file import JointMotor, RobotFile
-from bellcrank.robot.urdf_loops import TAGS, loops_of
+from bellcrank.robot.urdf_extensions import ball_constraints, refuse_unread, rotor_inertias, springs
+from bellcrank.robot.urdf_loops import loops_of
+from bellcrank.robot.urdf_notes import unused
 from bellcrank.robot.xacro_text import expanded
 from bellcrank.robot.xml_tree import Element, parse_xml
-
-_LOOP = re.compile(rf"<(?:{'|'.join(TAGS)})[\s>]")
 
 
 def read_urdf_robot(
@@ -31,14 +31,20 @@ def read_urdf_robot(
     if source.suffix == ".xacro":
         text = expanded(text, source, access, xacro_args or {})
     beside = gepetto_beside(source, access)
-    if beside is None and not _LOOP.search(text):
-        return RobotFile(source=source, urdf=text)
     robot = parse_xml(text, source)
 
     def fail(message: str) -> InputError:
         return InputError(f"{source}: " + "".join(c if c.isprintable() else " " for c in message))
 
-    file = RobotFile(source=source, urdf=text, loops=loops_of(robot, fail))
+    refuse_unread(robot, fail)
+    file = RobotFile(
+        source=source,
+        urdf=text,
+        loops=(*loops_of(robot, fail), *ball_constraints(robot, fail)),
+        springs=springs(robot, fail),
+        rotor_inertia=rotor_inertias(robot, fail),
+        notes=unused(robot),
+    )
     return file if beside is None else _with_gepetto(file, robot, beside)
 
 
@@ -57,11 +63,11 @@ def _with_gepetto(file: RobotFile, robot: Element, path: Path) -> RobotFile:
         if name not in joints:
             raise InputError(f"{path}: name_mot: {unknown_name('joint', name, joints)}")
     urdf, notes = with_joint_types(file.urdf, found.joint_types, path)
-    return RobotFile(
-        source=file.source,
+    return replace(
+        file,
         urdf=urdf,
         loops=found.frame_loops("loop"),
         loop_file=path.resolve(),
         motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors)),
-        notes=(*found.notes, *notes),
+        notes=(*file.notes, *found.notes, *notes),
     )

@@ -22,6 +22,7 @@ from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot_file import (
     WORLD,
     FramePlace,
+    FrameSpring,
     JointCoupling,
     JointRelation,
     JointSpring,
@@ -109,7 +110,7 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "frames": frames,
         "constraints": constraints,
-        "forces": [_spring(spring) for spring in file.springs],
+        "forces": [_spring(spring, file, frames) for spring in file.springs],
         "actuated": list(dict.fromkeys(motor.joint for motor in file.motors)),
         "rotor_inertia": dict(file.rotor_inertia),
         "initial": _start(file),
@@ -119,7 +120,19 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
     return {key: value for key, value in found.items() if value}
 
 
-def _spring(spring: JointSpring | SphericalSpring) -> dict[str, Any]:
+def _spring(
+    spring: JointSpring | SphericalSpring | FrameSpring, file: RobotFile, frames: dict[str, Any]
+) -> dict[str, Any]:
+    if isinstance(spring, FrameSpring):
+        return {
+            "kind": "spring",
+            "name": spring.name,
+            "frame_a": _frame(f"{spring.name}_a", spring.a, file, frames),
+            "frame_b": _frame(f"{spring.name}_b", spring.b, file, frames),
+            "stiffness": spring.stiffness,
+            "damping": spring.damping,
+            "free_length": spring.free_length,
+        }
     entry = {"name": f"spring_{spring.joint}", "joint": spring.joint, "stiffness": spring.stiffness}
     if isinstance(spring, SphericalSpring):
         return {"kind": "spherical_spring", **entry}

@@ -1,0 +1,138 @@
+"""What other programs write into a URDF: read as the scene's own elements are, refused, or listed."""
+
+import numpy as np
+import pytest
+import yaml
+
+import bellcrank as bc
+
+LINK = (
+    '<link name="{name}"><inertial><origin xyz="0.2 0 0.05"/><mass value="{mass}"/>'
+    '<inertia ixx="0.01" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="{x} 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.1"/></joint>'
+)
+
+
+def urdf(extra="", edit=lambda text: text):
+    """Two arms of two links each, side by side."""
+    parts = ['<robot name="arms" xmlns:drake="d"><link name="base"/>']
+    for side, x in (("a", 0.0), ("b", 0.7)):
+        parts += [LINK.format(name=f"{side}1", mass=1.0), LINK.format(name=f"{side}2", mass=0.5)]
+        parts.append(JOINT.format(name=f"j{side}1", parent="base", child=f"{side}1", x=x))
+        parts.append(JOINT.format(name=f"j{side}2", parent=f"{side}1", child=f"{side}2", x=0.4))
+    return edit("\n".join([*parts, extra, "</robot>"]))
+
+
+def scene(folder, text, **keys):
+    """A scene of this URDF."""
+    (folder / "arms.urdf").write_text(text)
+    start = {"ja1": 0.3, "ja2": {"guess": 0.9}, "jb1": {"guess": 2.6}, "jb2": {"guess": -0.8}}
+    data = {"urdf": "arms.urdf", "initial": start, "simulate": {"duration": 0.4}} | keys
+    (folder / "arms.yaml").write_text(yaml.safe_dump(data))
+    return bc.load_scene(folder / "arms.yaml")
+
+
+BALL = """<drake:ball_constraint>
+  <drake:ball_constraint_body_A name="a2"/><drake:ball_constraint_body_B name="b2"/>
+  <drake:ball_constraint_p_AP value="0.4 0 0"/><drake:ball_constraint_p_BQ value="0.35 0 0"/>
+</drake:ball_constraint>"""
+SPRING = """<drake:linear_spring_damper>
+  <drake:linear_spring_damper_body_A name="a2"/><drake:linear_spring_damper_p_AP value="0.1 0.02 0"/>
+  <drake:linear_spring_damper_body_B name="b1"/><drake:linear_spring_damper_p_BQ value="0.2 0 0.03"/>
+  <drake:linear_spring_damper_free_length value="0.3"/><drake:linear_spring_damper_stiffness value="80"/>
+  <drake:linear_spring_damper_damping value="1.5"/>
+</drake:linear_spring_damper>"""
+FRAMES = {
+    "p": {"link": "a2", "xyz": [0.1, 0.02, 0.0]}, "q": {"link": "b1", "xyz": [0.2, 0.0, 0.03]},
+    "tip": {"link": "a2", "xyz": [0.4, 0.0, 0.0]}, "end": {"link": "b2", "xyz": [0.35, 0.0, 0.0]},
+}  # fmt: skip
+
+
+def same_run(one, other):
+    """Whether two scenes have the same run."""
+    first, second = bc.simulate(one), bc.simulate(other)
+    assert np.ptp(first.position, axis=0).max() > 0.1
+    np.testing.assert_allclose(first.position, second.position, rtol=0, atol=1e-9)
+
+
+def test_drakes_ball_constraint_is_a_point(tmp_path) -> None:
+    loop = {"kind": "point", "name": "ball_constraint_1", "frame_a": "tip", "frame_b": "end"}
+    same_run(scene(tmp_path, urdf(BALL)), scene(tmp_path, urdf(), frames=FRAMES, constraints=[loop]))
+
+
+def test_drakes_linear_spring_damper_is_a_spring_between_points(tmp_path) -> None:
+    spring = {"kind": "spring", "frame_a": "p", "frame_b": "q", "stiffness": 80, "damping": 1.5, "free_length": 0.3}
+    same_run(scene(tmp_path, urdf(SPRING)), scene(tmp_path, urdf(), frames=FRAMES, forces=[spring]))
+
+
+def test_gazebos_spring_stiffness_is_a_spring_at_the_joint(tmp_path) -> None:
+    gazebo = (
+        '<gazebo reference="ja2"><springStiffness>12</springStiffness><springReference>0.4</springReference></gazebo>'
+    )
+    spring = {"kind": "joint_spring", "joint": "ja2", "stiffness": 12.0, "rest": 0.4}
+    same_run(scene(tmp_path, urdf(gazebo)), scene(tmp_path, urdf(), forces=[spring]))
+
+
+def test_drakes_rotor_inertia_counts_with_the_square_of_the_gear_ratio(tmp_path) -> None:
+    drive = (
+        '<transmission type="SimpleTransmission"><joint name="ja1"/><actuator name="m">'
+        '<drake:rotor_inertia value="2e-5"/><drake:gear_ratio value="50"/></actuator></transmission>'
+    )
+    found = scene(tmp_path, urdf(drive))
+    assert found.robot.rotor_inertia == pytest.approx([2e-5 * 2500, 0.0, 0.0, 0.0])
+    same_run(found, scene(tmp_path, urdf(), rotor_inertia={"ja1": 0.05}))
+
+
+@pytest.mark.parametrize(
+    ("element", "words"),
+    [
+        ('<drake:linear_bushing_rpy name="b"/>', "<drake:linear_bushing_rpy> adds a bushing"),
+        ("<drake:tendon_constraint/>", "couples joints by a tendon"),
+        ('<drake:joint name="x" type="ball"/>', "adds a joint"),
+        ("<drake:spline_thing/>", "<drake:spline_thing> is not known"),
+        ('<constraint name="c"/>', "<constraint> closes a loop"),
+        ("<loop_joints/>", "<loop_joints> closes a loop"),
+        ('<gazebo><joint name="close" type="ball"/></gazebo>', '<gazebo> closes a loop with <joint name="close">'),
+        (BALL.replace('"a2"', '"a3"'), "unknown link 'a3'"),
+        (BALL.replace('<drake:ball_constraint_p_AP value="0.4 0 0"/>', ""), "has no <drake:ball_constraint_p_AP>"),
+        (BALL.replace("0.4 0 0", "0.4 0"), "ball_constraint_p_AP"),
+        (SPRING.replace('"80"', '"-80"'), "expected a number above 0, found -80"),
+        (SPRING.replace('value="0.3"', 'value="0"'), "expected a number above 0, found 0"),
+        ('<gazebo reference="no"><springStiffness>1</springStiffness></gazebo>', "unknown joint 'no'"),
+        ('<gazebo reference="ja1"><springStiffness>x</springStiffness></gazebo>', "expected a number, found 'x'"),
+    ],
+)  # fmt: skip
+def test_what_closes_a_loop_or_adds_a_force_is_read_or_refused_with_its_line(tmp_path, element, words) -> None:
+    with pytest.raises(bc.InputError, match=r"line \d+") as caught:
+        scene(tmp_path, urdf(element))
+    assert words in str(caught.value) and "arms.urdf" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "words"),
+    [
+        ("damping=", "dampning=", "'dampning' of <dynamics> is not known and not used; was 'damping' meant?"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="jb1" multipler="2"/>', "was 'multiplier' meant?"),
+        ('type="continuous"', 'type="continuous" damping="3"', "was 'damping' of <dynamics> meant?"),
+        ("<dynamics", "<dynamcs", "<dynamcs> in <joint> is not known and not used; was <dynamics> meant?"),
+        ("<mass value", '<mass units="kg" value', "the attribute 'units' of <mass> (4 times, first in line 2)"),
+        ('<link name="base"/>', '<link name="base"><contact/></link>', "<contact> in <link> (once, in line 1)"),
+        ('<link name="base"/>', '<link name="base"/><self_collide/>', "<self_collide> in <robot>"),
+        ("<inertial>", '<inertial frame="x">', "'frame'"),
+        ("<parent link", '<parent lnk="q" link', "was 'link' meant?"),
+        ('rpy="0 0 0"', "", ""),
+    ],
+)  # fmt: skip
+def test_what_is_not_known_is_listed_with_its_line(tmp_path, written, instead, words) -> None:
+    text = urdf(edit=lambda text: text.replace(written, instead, 4 if "mass" in written else 1))
+    (tmp_path / "arms.urdf").write_text(text)
+    notes = "\n".join(bc.load_robot(tmp_path / "arms.urdf").file.notes)
+    assert words in notes and bool(words) == bool(notes)
+
+
+def test_a_plain_file_of_the_field_has_nothing_to_list() -> None:
+    for name in ("ur5", "talos", "tiago", "planar_2r"):
+        assert bc.load_robot(name).file.notes == ()
