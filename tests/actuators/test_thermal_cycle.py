@@ -231,6 +231,21 @@ def test_the_winding_has_the_limit_at_the_time_found_and_not_before(
     assert 0.0 <= rest <= heat.period
 
 
+def test_a_limit_reached_where_the_winding_is_hottest_inside_an_interval_is_found_before_that() -> None:
+    """Friction heats the housing; then the winding rises above it, and falls with it."""
+    thermal, heat = model((5.0, 100.0), (1.0, 4.0)), cycle([300.0, 900.0], [0.0, 5.0], [20.0, 0.0])
+    fine = heat.divided(20_000)
+    time, winding, _ = temperatures(thermal, fine)
+    top = int(np.argmax(winding[0]))
+    assert 310.0 < time[top] < 400.0 and winding[0, -1] < winding[0, top] - 10.0, "hottest inside the second interval"
+    for below in (0.01, 1.0, 5.0):
+        limit = float(winding[0, top]) - below
+        first = int(np.argmax(winding[0] >= limit))
+        assert 300.0 < time[first] < time[top]
+        found = float(time_to_limit(thermal, heat, np.array([limit]))[0])
+        assert time[first - 1] - 1e-9 <= found <= time[first] + 1e-9
+
+
 def test_limits_at_the_ambient_and_beyond_the_peak() -> None:
     thermal, heat = model((5.0, 100.0), (1.0, 4.0), count=3), cycle([1.0, 2.0], [[8.0, 1.0]] * 3)
     peak = periodic_temperatures(thermal, heat).winding_peak[0]

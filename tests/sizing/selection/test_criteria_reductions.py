@@ -130,6 +130,19 @@ def test_means_of_moments_are_those_of_all_samples(seed: int, shape: str) -> Non
         np.testing.assert_allclose(intervals[number], mean, atol=1e-10 * np.abs(mean).max() + 1e-300)
 
 
+def test_the_aligned_cycle_has_no_torque_where_parts_oppose_each_other() -> None:
+    torque = np.array([0.02, 0.02, -0.03, 0.04, -0.01, 0.05])
+    speed = np.array([1.0, -1.0, -2.0, 0.0, 2.0, 1.0])
+    acceleration = np.array([3.0, 3.0, -1.0, 2.0, -1.0, -4.0])
+    cycle = cycle_of(torque, speed, acceleration)
+    along = np.array([True, False, True, True, False, False])  # the motor drives, and the acceleration is along τ
+    found = cycle.aligned.features
+    np.testing.assert_array_equal(found[~along], 0.0)
+    np.testing.assert_allclose(found[along], np.column_stack([
+        torque[along], np.zeros(3), acceleration[along], np.sign(speed[along]), speed[along]
+    ]))  # fmt: skip
+
+
 def test_efficiency_over_load_reduces_each_gear_for_itself() -> None:
     gears = [gear for gear in random_gears(60, 3) if gear.efficiency_curve]
     assert gears, "the random catalogue has gears with a curve"
