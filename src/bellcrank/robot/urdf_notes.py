@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import lru_cache
 
 from bellcrank.robot.urdf_extensions import BALL, SPRING
 from bellcrank.robot.urdf_loops import TAGS
@@ -34,6 +35,8 @@ ATTRIBUTES = {
 OWNERS = {name: tag for tag in ("dynamics", "limit", "mimic", "mass", "inertia") for name in ATTRIBUTES[tag]}
 CLOSE = 0.75  # difflib's ratio from which a name counts as another one misspelt
 MOST = 8  # kinds that are listed
+MOST_MISSPELT = 20  # sentences
+LONGEST = 40  # characters of a name that are compared and shown
 
 
 def unused(robot: Element) -> tuple[str, ...]:
@@ -45,15 +48,16 @@ def unused(robot: Element) -> tuple[str, ...]:
         element = waiting.pop()
         for name in element.attributes:
             if not name.startswith("xmlns") and name not in ATTRIBUTES.get(element.tag, (name,)):
-                _note(found, others, element, f"the attribute '{name}' of <{element.tag}>", _meant(element.tag, name))
+                what = f"the attribute '{name:.{LONGEST}}' of <{element.tag}>"
+                _note(found, others, element, what, _meant(element.tag, name))
         for child in reversed(element.children):
             if element.tag not in CHILDREN or child.tag in CHILDREN[element.tag]:
                 if child.tag in CHILDREN or child.tag in ATTRIBUTES:
                     waiting.append(child)
                 continue
-            close = get_close_matches(child.tag, CHILDREN[element.tag], 1, CLOSE)
-            meant = f"<{close[0]}>" if close else ""
-            _note(found, others, child, f"<{child.tag}> in <{element.tag}>", meant)
+            close = _close(child.tag, CHILDREN[element.tag])
+            what = f"<{child.tag:.{LONGEST}}> in <{element.tag}>"
+            _note(found, others, child, what, f"<{close}>" if close else "")
     if others:
         parts = [
             f"{what} ({f'{count} times, first' if count > 1 else 'once,'} in line {line})"
@@ -66,14 +70,21 @@ def unused(robot: Element) -> tuple[str, ...]:
 
 def _meant(tag: str, name: str) -> str:
     """What an unknown attribute may have been meant to be; empty where nothing is like it."""
-    close = get_close_matches(name, ATTRIBUTES[tag], 1, CLOSE)
+    close = _close(name, ATTRIBUTES[tag])
     if close:
-        return f"'{close[0]}'"
+        return f"'{close}'"
     return f"'{name}' of <{OWNERS[name]}>" if name in OWNERS else ""
 
 
+@lru_cache(maxsize=1024)
+def _close(name: str, known: tuple[str, ...]) -> str:
+    """The known name that is most like another one; empty where none is."""
+    close = get_close_matches(name, known, 1, CLOSE) if len(name) <= LONGEST else []
+    return close[0] if close else ""
+
+
 def _note(found: list[str], others: dict[str, tuple[int, int]], element: Element, what: str, meant: str) -> None:
-    if meant:
+    if meant and len(found) < MOST_MISSPELT:
         found.append(f"line {element.line}: {what} is not known and not used; was {meant} meant?")
         return
     count, line = others.get(what, (0, element.line))
