@@ -76,7 +76,7 @@ def _meant(tag: str, name: str) -> str:
     return f"'{name}' of <{OWNERS[name]}>" if name in OWNERS else ""
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=8192)
 def _close(name: str, known: tuple[str, ...]) -> str:
     """The known name that is most like another one; empty where none is."""
     close = get_close_matches(name, known, 1, CLOSE) if len(name) <= LONGEST else []
