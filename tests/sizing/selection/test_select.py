@@ -14,6 +14,7 @@ import bellcrank as bc
 from bellcrank.actuators.catalogue import Catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
+from bellcrank.sizing.selection.tables import percent
 
 pytestmark = pytest.mark.tier2
 
@@ -188,7 +189,7 @@ def test_where_nothing_fits_the_advice_names_what_would_help(arm, catalogue):
     assert one.chosen is None and not found.inside and found.mass is None
     assert one.advice.startswith(f"nearest to the limits is {one.candidates[0].id}: ")
     worst = max(one.candidates[0].criteria, key=lambda result: result.use or 0.0)
-    assert f"{worst.name} {worst.use:.0%}" in one.advice
+    assert f"{worst.name} {percent(worst.use)}" in one.advice
     factor = float(re.search(r"motions that last about ([\d.]+) times", one.advice)[1])
     for duration, fits in ((1.01 * factor, True), (0.9 * factor, False)):
         slower = reach(arm, 0.7 * duration, "slower")
