@@ -1,6 +1,6 @@
 """Calls compiled functions and integrates them over time (src/cpp/integrator)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ class SampleCall:
 class StepResult:
     """What a run found; arrays are views that keep it alive.
 
-    `status`: 0 finished, 1 event, 2 step too small, 3 not finite, 4 evaluations spent, 5 interrupted.
+    `status`: 0 finished, 1 event, 2 step too small, 3 not finite, 4 evaluations spent, 5 interrupted, 6 chattering.
     `time` (k,) s and `state` (k, n) are the requested outputs that were reached and, where the run ended early, its
     end; `finite`: all of them are finite. `steps` are the start and the ends of the accepted steps, `event_*` the
     events in the order of time. Of more than 100,000 steps every 2nd, 4th, 8th, … end and the last are kept, so that
@@ -50,6 +50,8 @@ class StepResult:
     `stiff_steps`: accepted steps of an explicit method that stiffness held short, the first at `stiff_since` (s, NaN:
     none). `switch_time` (k,) s: when method "auto" went on with Radau, with DOP853 again, and so on, the first 1000 of
     `switches`; `implicit_*`: the part of Radau.
+    `least` and `largest` (observed,): the extremes of the observed quantities.
+    `held_time` (m,) s and `held_values` (m, k): the held entries of u, which have these values from these times on.
     `events_complete`: none was omitted or may have been missed.
     """
 
@@ -85,6 +87,14 @@ class StepResult:
     def implicit_steps(self) -> int: ...
     @property
     def implicit_evaluations(self) -> int: ...
+    @property
+    def least(self) -> NDArray[np.float64]: ...
+    @property
+    def largest(self) -> NDArray[np.float64]: ...
+    @property
+    def held_time(self) -> NDArray[np.float64]: ...
+    @property
+    def held_values(self) -> NDArray[np.float64]: ...
     @property
     def switches(self) -> int: ...
     @property
@@ -191,8 +201,12 @@ class PreparedProblem:
         interval: float = 0.0,
         x0: NDArray[np.float64] | None = None,
         parameters: NDArray[np.float64] | None = None,
+        updates: Sequence[Callable[..., NDArray[np.float64]] | None] = (),
     ) -> StepResult:
         """Integrate, from another start or with other parameters where they are given.
+
+        `updates`: for each update of the held entries, the function (t, x, values) -> values that computes it where it
+        has no address.
 
         `progress` is called with the time about every 0.1 s; `checkpoint` with what was found since it was called
         before, first after `interval` seconds of computing, and returns the seconds until its next call. Raises what

@@ -183,6 +183,11 @@ class _Period:
 
     def __init__(self, scene: Scene, at: float, period: float, count: int) -> None:
         self.scene, self.at, self.period = scene, at, period
+        if held := scene.held_sources:
+            raise InputError(
+                f"{scene.source}: Floquet multipliers require forces that are smooth along the period, and there are "
+                f"{', '.join(source.name for source in held)}"
+            )
         code, step = equation_code(scene), period / count
         inner = (np.arange(count)[:, None] + NODES).ravel() * step
         times = np.concatenate([[0.0] if at == 0.0 else [0.0, at], at + inner, [at + period]])

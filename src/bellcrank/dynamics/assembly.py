@@ -115,12 +115,17 @@ class Assembly:
         return casadi.vertcat(f.position, casadi.vec(f.rotation.T), f.linear, f.angular)
 
 
-def assemble(scene: Scene) -> Assembly:
-    """The equations of motion of a scene. Raises InputError where a force cannot act on this robot."""
+def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
+    """The equations of motion of a scene; with `held_sides` as a simulation has them (symbols.py).
+
+    Raises InputError where a force cannot act on this robot.
+    """
     import casadi
 
     robot = scene.robot
-    s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock)
+    s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock, held_sides)
+    for source in scene.signal_sources:  # all of them, in the order of the scene's signals
+        s.signal(source)
     actuator, passive, potential, power = applied_forces(scene, s)
     torque = actuator + passive
     newton_euler = s.algorithm("inverse_dynamics")

@@ -17,6 +17,8 @@ from bellcrank.dynamics.kkt import ConstrainedSolution
 from bellcrank.dynamics.latch_impact import latch_impact
 from bellcrank.dynamics.observed_quantities import ObservedLayout, observed_quantities
 from bellcrank.dynamics.system_layout import Sizes, SparsityPattern, SystemLayout, entries
+from bellcrank.elements.expression import term_value
+from bellcrank.elements.sampled_controllers import Sampled
 
 if TYPE_CHECKING:
     import casadi
@@ -148,6 +150,44 @@ class System:
     def events(self) -> Compiled:
         """(t, x, u, p) -> the event functions, whose zeros are the events."""
         return self._compiled("events", lambda: self._state_function("events", [self.assembly.events]))
+
+    @cached_property
+    def switches(self) -> Compiled:
+        """(t, x, u, p) -> the functions at whose zeros forces are not smooth, in the order of their sides in u."""
+
+        def build() -> casadi.Function:
+            import casadi
+
+            s, found = self.assembly.symbols, []
+            for part in self._scene.elements:
+                found += [term_value(term, s, s.sides(part)) for term in part.switches]
+            return self._state_function("switches", [casadi.vertcat(*found)])
+
+        return self._compiled("switches", build)
+
+    @cached_property
+    def _updates(self) -> dict[tuple[int, int], Compiled]:
+        return {}  # whoever steps knows their addresses only
+
+    def update(self, k: int, instant: int) -> Compiled:
+        """(t, x, u, p) -> what all sampled controllers hold after an instant of controller k of the scene."""
+        if (k, instant) not in self._updates:
+            self._updates[k, instant] = self._update(k, instant)
+        return self._updates[k, instant]
+
+    def _update(self, k: int, instant: int) -> Compiled:
+        def build() -> casadi.Function:
+            import casadi
+
+            s = self.assembly.symbols
+            held = [
+                part.update(instant, s) if i == k else s.signal(part.samples)
+                for i, part in enumerate(self._scene.control)
+                if isinstance(part, Sampled)
+            ]
+            return self._state_function("update", [casadi.vertcat(*held)])
+
+        return self._compiled(f"update {k} {instant}", build)
 
     def latch(self, k: int) -> Compiled:
         """(t, x, u, p) -> the impact of the latch of event k (latch_impact.py)."""

@@ -16,7 +16,9 @@ from bellcrank.codegen.locks import making
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.implicit_equations import ImplicitEquations, implicit_equations
 from bellcrank.dynamics.kkt_solver import KktSolver
+from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.dynamics.system_layout import SparsityPattern, entries
+from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     import casadi
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 DIRECTIONS = ("position", "velocity", "acceleration", "multipliers", "time", "torque", "signals", "parameters")
 _STORED = {str: (int, int, [int], [int])}
+AT_SWITCH = 1e-12  # of a function of a switch, SI units: this state is at the switch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,8 +79,12 @@ class EquationCode:
         return implicit_equations(self._scene)
 
     def at(self, time: float, q: Array, v: Array, torque: Array | None = None) -> LinearEquations:
-        """The equations at a state, with additional joint forces `torque` (nv,)."""
+        """The equations at a state, with additional joint forces `torque` (nv,).
+
+        Raises InputError where a controller is sampled, or a force is not smooth at this state.
+        """
         scene = self._scene
+        _refuse_switching(scene, time, q, v)
         inputs = np.array([time]), q, v, scene.signals_at(np.array([time]))[0], scene.parameter_values
         tau = np.zeros(self.nv) if torque is None else torque
         residual, position, velocity, *matrices = self._values(*inputs, tau)
@@ -177,6 +184,28 @@ class EquationCode:
     def _compiled(self, what: str, build: object) -> Compiled:
         with making:
             return self._scene.robot.compiled(f"{what} {self._key}", build, seldom=True)  # type: ignore[arg-type]
+
+
+def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
+    """Refuse equations that have no derivatives at a state (InputError)."""
+    if not scene.held_sources:
+        return
+    sampled = [part.name for part in scene.control if part.samples is not None]
+    if sampled:
+        raise InputError(
+            f"{scene.source}: control '{sampled[0]}' is sampled, so the equations have no linear form in continuous "
+            "time; remove it, and close the loop with the discrete model (scipy.signal.cont2discrete)"
+        )
+    system, u = system_of(scene), scene.signals_at(np.array([time]))[0]
+    state = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])
+    values = system.switches(np.array([time]), state, u, system_parameters(scene))
+    names = [part.name for part in scene.elements for _ in part.switches]
+    for name, value in zip(names, np.atleast_1d(values).tolist(), strict=True):
+        if abs(value) < AT_SWITCH:
+            raise InputError(
+                f"{scene.source}: the force of '{name}' is not smooth at this state, where one of its formulas "
+                "switches; linearise beside it"
+            )
 
 
 _RESIDUAL = ("position", "velocity", "time", "torque", "signals", "parameters")

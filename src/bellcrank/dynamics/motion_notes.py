@@ -27,7 +27,7 @@ ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a star
 def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
     """A sentence for each torque that acts in addition to a motor, and for each element that is not included."""
     found = [
-        f"torque '{force.name}' of the scene acts on joint '{force.joint.name}' in addition to the motor"
+        f"{force.kind} '{force.name}' of the scene acts on joint '{force.joint.name}' in addition to the motor"
         for force in mechanism.equations.forces
         if isinstance(force, Torque)
     ]
@@ -45,7 +45,8 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
 def _clock_notes(scene: Scene) -> Iterator[str]:
     """A sentence about what depends on time, where a simulation of the scene starts with another clock than 0."""
     clock = scene.initial.clock
-    moving = [f"{force.kind} '{force.name}'" for force in scene.forces if force.source is not None]
+    timed = [force for force in scene.forces if force.source is not None or has_time(force)]
+    moving = [f"{force.kind} '{force.name}'" for force in timed]
     moving += [
         f"constraint '{part.name}'"
         for part in scene.constraints

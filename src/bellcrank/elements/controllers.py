@@ -8,15 +8,14 @@ limits.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from bellcrank.config.fields import Fields
+from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import (  # fmt: skip
-    Driven,
     Gain,
     all_joints,
     read_gain,
@@ -24,87 +23,14 @@ from bellcrank.elements.controller_fields import (  # fmt: skip
     read_limit,
     read_mass_error,
     read_motion_name,
-    unit_of,
 )
-from bellcrank.elements.element import (  # fmt: skip
-    ANY,
-    MASS_ERROR,
-    NONNEGATIVE,
-    POSITIVE,
-    Force,
-    GeneralisedForce,
-    Settable,
-    joint_named,
-    joint_unit,
-    named_entries,
-)
+from bellcrank.elements.element import GeneralisedForce, joint_named, joint_unit, named_entries
+from bellcrank.elements.formula_controllers import FormulaTorque, StateFeedback
+from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import SignalSource, motion_source
-from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
-    import casadi
-
     from bellcrank.elements.symbols import Symbols
-    from bellcrank.motion.motion import Motion
-
-MotionOf = Callable[[str], "Motion"]
-BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "target": ANY, "mass_error": MASS_ERROR}
-
-
-@dataclass(frozen=True)
-class Controller(Force):
-    """Torques at some joints. `limit` is None, a number (N m or N), or {joint: effort limit}."""
-
-    joints: tuple[RobotJoint, ...]
-    limit: Gain | None
-    owner: ClassVar[str] = "control"
-
-    @property
-    def settable(self) -> dict[str, Settable]:
-        """Gains, the limit, targets and mass errors can be set."""
-        found: dict[str, Settable] = {}
-        for name, quantity in self.quantities().items():
-            value, bound = getattr(self, name), BOUNDS[name]
-            if isinstance(value, Mapping):
-                mine = [joint for joint in self.joints if joint.name in value]
-                found |= {f"{name}.{j.name}": Settable(unit_of((j,), quantity), bound) for j in mine}
-            elif value is not None:
-                found[name] = Settable(unit_of(self.joints, quantity), bound)
-        return found
-
-    def quantities(self) -> dict[str, str]:
-        """The quantity (a key of JOINT_UNITS) or the unit of each field."""
-        return {"limit": "torque"} if isinstance(self.limit, float) else {}
-
-    def of_joint(self, symbols: Symbols, name: str, joint: RobotJoint) -> casadi.SX | float:
-        """A gain, target or limit at one joint."""
-        each = isinstance(getattr(self, name), Mapping)
-        return self.value(symbols, f"{name}.{joint.name}" if each else name)
-
-    def clamped(self, symbols: Symbols, torques: list[casadi.SX]) -> GeneralisedForce:
-        """Clamp the torques, one for each joint, and return them as a force of actuators."""
-        import casadi
-
-        force, power = casadi.SX.zeros(symbols.robot.nv, 1), symbols.zero
-        for joint, wanted in zip(self.joints, torques, strict=True):
-            torque = wanted
-            if self.limit is not None:
-                most = self.of_joint(symbols, "limit", joint)
-                if not (isinstance(most, float) and math.isinf(most)):
-                    torque = casadi.fmax(casadi.fmin(torque, most), -most)
-            force[joint.v] = torque
-            power += torque * symbols.v[joint.v]
-        return GeneralisedForce(force, symbols.zero, power, True)
-
-    def labels(self, robot: Robot) -> tuple[str, ...]:
-        """The torque at each of its joints."""
-        if len(self.joints) == 1:
-            return (f"[{joint_unit(self.joints[0], 'torque')}]",)
-        return tuple(f"{joint.name} [{joint_unit(joint, 'torque')}]" for joint in self.joints)
-
-    def measure(self, symbols: Symbols) -> casadi.SX:
-        """The torque at each of its joints, N m or N."""
-        return self.generalised_force(symbols).force[[joint.v for joint in self.joints]]
 
 
 @dataclass(frozen=True)
@@ -124,8 +50,9 @@ class PD(Controller):
     kind: ClassVar[str] = "pd"
 
     @classmethod
-    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, context: ControlContext) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
+        driven = context.driven
         read.known("joint", "joints", "target", "motion", "kp", "kd", "limit")
         if ("target" in read) == ("motion" in read):
             found = "both" if "target" in read else "neither"
@@ -144,8 +71,8 @@ class PD(Controller):
                 raise read.error("target", f"joint '{unused}' is not one of 'joints'; add it there, or remove it here")
         else:
             joints = read_joints(read, driven, driven.joints)
-            motion = read_motion_name(read, motions)
-            source = motion_source(motion, partial(motion_of, motion), joints, 1)
+            motion = read_motion_name(read, context.motions)
+            source = motion_source(motion, partial(context.motion_of, motion), joints, 1)
         kp, kd = read_gain(read, "kp", joints, "stiffness"), read_gain(read, "kd", joints, "damping", 0.0)
         return cls(name, read, joints, read_limit(read, joints, driven.robot), kp, kd, target, source)
 
@@ -188,8 +115,9 @@ class ComputedTorque(Controller):
     kind: ClassVar[str] = "computed_torque"
 
     @classmethod
-    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, context: ControlContext) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
+        driven = context.driven
         read.known("motion", "kp", "kd", "limit", "mass_error")
         robot, joints = driven.robot, all_joints(driven.robot)
         other = next((joint for joint in robot.joints if joint.nv != 1), None)
@@ -205,9 +133,9 @@ class ComputedTorque(Controller):
                 f"computed_torque requires a motor at each joint, and 'actuated' and 'actuators' name none at "
                 f"{', '.join(free)}; use pd, or add the joint to 'actuated'",
             )
-        motion = read_motion_name(read, motions)
+        motion = read_motion_name(read, context.motions)
         kp, kd = read_gain(read, "kp", joints, "1/s^2"), read_gain(read, "kd", joints, "1/s")
-        source = motion_source(motion, partial(motion_of, motion), joints, 2)
+        source = motion_source(motion, partial(context.motion_of, motion), joints, 2)
         error = read_mass_error(read)
         return cls(name, read, joints, read_limit(read, joints, robot), source, kp, kd, error)
 
@@ -247,8 +175,9 @@ class GravityCompensation(Controller):
     kind: ClassVar[str] = "gravity_compensation"
 
     @classmethod
-    def read(cls, name: str, read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf) -> Self:
+    def read(cls, name: str, read: Fields, context: ControlContext) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
+        driven = context.driven
         joints = read_joints(read, driven, driven.joints)
         return cls(name, read, joints, read_limit(read, joints, driven.robot), read_mass_error(read))
 
@@ -265,18 +194,16 @@ class GravityCompensation(Controller):
         return self.clamped(symbols, [torque[joint.v] for joint in self.joints])
 
 
-KINDS: Final[dict[str, type[PD | ComputedTorque | GravityCompensation]]] = {
-    cls.kind: cls for cls in (PD, ComputedTorque, GravityCompensation)
-}
+KINDS: Final[
+    dict[str, type[PD | ComputedTorque | GravityCompensation | FormulaTorque | StateFeedback | StateSpace]]
+] = {cls.kind: cls for cls in (PD, ComputedTorque, GravityCompensation, FormulaTorque, StateFeedback, StateSpace)}
 
 
-def read_control(
-    read: Fields, driven: Driven, motions: Mapping[str, Any], motion_of: MotionOf
-) -> tuple[Controller, ...]:
-    """Read the list `control`; `motion_of` computes one of the `motions` by name. Raises InputError naming the key."""
+def read_control(read: Fields, context: ControlContext) -> tuple[Controller, ...]:
+    """Read the list `control`. Raises InputError naming the key."""
     controllers: list[Controller] = []
     for name, entry in named_entries(read, "control"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]
-        controllers.append(kind.read(name, entry, driven, motions, motion_of))
+        controllers.append(kind.read(name, entry, context))
         entry.done()
     return tuple(controllers)

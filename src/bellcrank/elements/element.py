@@ -18,6 +18,8 @@ from bellcrank.messages import format_value, unknown_name
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.expression import Expression, Term
+    from bellcrank.elements.held_inputs import HeldSource
     from bellcrank.elements.signals import SignalSource
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
@@ -101,6 +103,29 @@ class Element:
     @property
     def source(self) -> SignalSource | None:
         """The signal it follows."""
+        return None
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """The expressions of its force."""
+        return ()
+
+    @property
+    def switches(self) -> tuple[Term, ...]:
+        """The functions whose signs change where its force is not smooth (expression.py), each once."""
+        return tuple(dict.fromkeys(term for formula in self.formulas for term in formula.switches))
+
+    @property
+    def switch_sides(self) -> HeldSource | None:
+        """The entries of u that hold the signs of `switches` during a run."""
+        from bellcrank.elements.held_inputs import held_source
+
+        terms = self.switches
+        return held_source(f"sides of {self.owner} {self.name}", [1.0] * len(terms)) if terms else None
+
+    @property
+    def samples(self) -> HeldSource | None:
+        """The entries of u that a sampled controller holds (sampled_controllers.py)."""
         return None
 
     def labels(self, robot: Robot) -> tuple[str, ...]:

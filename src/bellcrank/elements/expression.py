@@ -1,8 +1,13 @@
 """Expressions in scene files, such as "2 * slide.velocity * swing.velocity". Their text is parsed, never executed.
 
 An expression may contain numbers, pi, t (s), the scene's parameters, JOINT.position, .velocity and .acceleration,
-frame('NAME').x, y, z, vx, vy, vz (world axes, m and m/s), + - * /, ** with a constant exponent, and the functions in
-FUNCTIONS. A joint whose name is not an identifier is written joint('odd-name').position.
+frame('NAME').x, y, z, vx, vy, vz, wx, wy, wz (world axes, m, m/s and rad/s), output('NAME') or output('NAME').x, + - *
+/, ** with a constant exponent, and the functions in FUNCTIONS; step(x) is 0 for x < 0 and else 1. A joint whose name is
+not an identifier is written joint('odd-name').position.
+
+Where abs, sign, step, min or max switch from one formula to another, an expression is not smooth. `Expression.switches`
+are the functions whose signs change there. A simulation ends a step at each of these times. In the forces of its
+equations, sign and step then keep the value of one side for a whole step: `value` takes these sides.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 from bellcrank.errors import InputError
@@ -25,11 +31,13 @@ if TYPE_CHECKING:
 
 FUNCTIONS: Final = {  # number of arguments; None: two or more
     "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sqrt": 1, "exp": 1, "log": 1, "abs": 1,
-    "sign": 1, "min": None, "max": None,
+    "sign": 1, "step": 1, "min": None, "max": None,
 }  # fmt: skip
 JOINT = ("position", "velocity", "acceleration")
-FRAME = ("x", "y", "z", "vx", "vy", "vz")
+FRAME = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 LONGEST, DEEPEST = 2000, 200
+_NAMED = ("joint", "frame", "output")
+_VARYING = ("time", "joint", "frame")  # leaves that change along a run
 _CONSTANT: Final[dict[str, Callable[..., Any]]] = {  # (value, *pieces) -> number
     "number": lambda value: value, "negative": lambda _, x: -x, "+": lambda _, x, y: x + y, "-": lambda _, x, y: x - y,
     "*": lambda _, x, y: x * y, "/": lambda _, x, y: x / y, "**": lambda _, x, y: x**y,
@@ -52,13 +60,27 @@ class Term:
         for piece in self.pieces:
             yield from piece.leaves()
 
+    def nodes(self) -> Iterator[Term]:
+        """The term and all terms within it."""
+        yield self
+        for piece in self.pieces:
+            yield from piece.nodes()
+
+
+Sides = Mapping[Term, "casadi.SX"]  # of the functions of `Expression.switches`: 1 or -1
+OutputTerm = Callable[[str, str], Term]  # (name, component or "") -> the term of an output; raises InputError
+
 
 @dataclass(frozen=True)
 class Expression:
-    """An expression that was parsed and whose names exist. Made by `parse_expression`."""
+    """An expression that was parsed and whose names exist. Made by `parse_expression`.
+
+    `meaning` tells expressions with the same text apart: those with tables or outputs.
+    """
 
     text: str
     term: Term = field(compare=False)
+    meaning: str = ""
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -70,15 +92,43 @@ class Expression:
         """The kinds of its numbers and names: "number", "time", "parameter", "joint", "frame"."""
         return {leaf.operation for leaf in self.term.leaves()}
 
-    def value(self, symbols: Symbols, acceleration: casadi.SX | None = None) -> casadi.SX:
+    @property
+    def switches(self) -> tuple[Term, ...]:
+        """The functions whose signs change where the expression is not smooth, each once, the innermost first."""
+        found: dict[Term, None] = {}
+        for node in reversed(list(self.term.nodes())):
+            if node.operation in ("abs", "sign", "step"):
+                found[node.pieces[0]] = None
+            elif node.operation == "table":
+                found[Term("corners", node.pieces, node.value[3])] = None
+            elif node.operation in ("min", "max"):
+                result, *others = node.pieces
+                for piece in others:
+                    found[Term("-", (result, piece))] = None
+                    result = Term(node.operation, (result, piece))
+        return tuple(term for term in found if any(leaf.operation in _VARYING for leaf in term.leaves()))
+
+    def value(self, symbols: Symbols, acceleration: casadi.SX | None = None, sides: Sides | None = None) -> casadi.SX:
         """The expression over symbols; `acceleration` (nv) is required if it contains accelerations."""
         import casadi
 
-        return casadi.SX(_build(self.term, symbols, acceleration))
+        return casadi.SX(_build(self.term, symbols, acceleration, sides or {}))
 
 
-def parse_expression(text: str, robot: Robot, parameters: Mapping[str, Any]) -> Expression:
-    """Parse an expression. Raises InputError that quotes the part that is not valid, or the unknown name."""
+def term_value(term: Term, symbols: Symbols, sides: Sides) -> casadi.SX:
+    """A term without accelerations over symbols, such as one of `Expression.switches`."""
+    import casadi
+
+    return casadi.SX(_build(term, symbols, None, sides))
+
+
+def parse_expression(
+    text: str, robot: Robot, parameters: Mapping[str, Any], output: OutputTerm | None = None
+) -> Expression:
+    """Parse an expression; `output` gives the terms of outputs where they may be named.
+
+    Raises InputError that quotes the part that is not valid, or the unknown name.
+    """
     if len(text) > LONGEST:
         raise InputError(f"expected an expression of at most {LONGEST} characters, found {len(text)}")
     try:
@@ -91,14 +141,19 @@ def parse_expression(text: str, robot: Robot, parameters: Mapping[str, Any]) -> 
         raise InputError(
             f"'{_short(text)}' is not an expression: {getattr(error, 'msg', None) or error}{where}"
         ) from None
-    return Expression(text, _Reader(text.strip(), robot, parameters).term(tree.body, 0))
+    term = _Reader(text.strip(), robot, parameters, output).term(tree.body, 0)
+    return Expression(
+        text, term, repr(term) if any(isinstance(n, ast.Name) and n.id == "output" for n in ast.walk(tree)) else ""
+    )
 
 
 class _Reader:
     """Converts Python's syntax tree to terms, and refuses everything that expressions do not allow."""
 
-    def __init__(self, text: str, robot: Robot, parameters: Mapping[str, Any]) -> None:
-        self.text, self.robot, self.parameters = text, robot, parameters
+    def __init__(
+        self, text: str, robot: Robot, parameters: Mapping[str, Any], output: OutputTerm | None = None
+    ) -> None:
+        self.text, self.robot, self.parameters, self.output = text, robot, parameters, output
 
     def term(self, node: ast.expr, depth: int) -> Term:
         if depth > DEEPEST:
@@ -159,11 +214,10 @@ class _Reader:
         owner, what = node.value, node.attr
         if isinstance(owner, ast.Name):
             return self._joint(node, owner.id, what)
-        if isinstance(owner, ast.Call) and isinstance(owner.func, ast.Name) and owner.func.id in ("joint", "frame"):
-            arguments = owner.args
-            name = arguments[0].value if len(arguments) == 1 and isinstance(arguments[0], ast.Constant) else None
-            if not isinstance(name, str) or owner.keywords:
-                raise self._error(owner, f"expected {owner.func.id}('NAME')")
+        if isinstance(owner, ast.Call) and isinstance(owner.func, ast.Name) and owner.func.id in _NAMED:
+            name = self._named(owner, owner.func.id)
+            if owner.func.id == "output":
+                return self._output(node, name, what)
             if owner.func.id == "joint":
                 return self._joint(node, name, what)
             if name not in self.robot.frame_names:
@@ -172,6 +226,21 @@ class _Reader:
                 raise self._error(node, unknown_name("component of a frame", what, FRAME))
             return Term("frame", value=(name, what))
         raise self._error(node, "expected JOINT.position, joint('NAME').position or frame('NAME').x")
+
+    def _named(self, node: ast.Call, kind: str) -> str:
+        """The name in joint('NAME'), frame('NAME') or output('NAME')."""
+        name = node.args[0].value if len(node.args) == 1 and isinstance(node.args[0], ast.Constant) else None
+        if not isinstance(name, str) or node.keywords:
+            raise self._error(node, f"expected {kind}('NAME')")
+        return name
+
+    def _output(self, node: ast.expr, name: str, component: str) -> Term:
+        if self.output is None:
+            raise self._error(node, "outputs can be named in forces and control only")
+        try:
+            return self.output(name, component)
+        except InputError as error:
+            raise self._error(node, str(error)) from None
 
     def _joint(self, node: ast.Attribute, name: str, what: str) -> Term:
         if name not in self.robot.joint_names:
@@ -186,6 +255,8 @@ class _Reader:
         return Term("joint", value=(name, what))
 
     def _call(self, node: ast.Call, name: str, depth: int) -> Term:
+        if name == "output":
+            return self._output(node, self._named(node, name), "")
         if name in ("joint", "frame"):
             raise self._error(
                 node, f"expected a component, such as {name}('NAME').{'x' if name == 'frame' else JOINT[0]}"
@@ -203,7 +274,7 @@ class _Reader:
         return InputError(f"'{_short(piece)}': {message}")
 
 
-def _build(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
+def _build(term: Term, s: Symbols, acceleration: casadi.SX | None, sides: Sides) -> Any:
     import casadi
 
     if term.operation == "number":
@@ -222,8 +293,19 @@ def _build(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
     if term.operation == "frame":
         name, what = term.value
         frame = s.frame(name)
-        return frame.position["xyz".index(what)] if len(what) == 1 else frame.linear["xyz".index(what[1])]
-    pieces = [_build(piece, s, acceleration) for piece in term.pieces]
+        of = {"v": frame.linear, "w": frame.angular}.get(what[0], frame.position)
+        return of["xyz".index(what[-1])]
+    if term.operation in ("sign", "step"):
+        side = sides.get(term.pieces[0])
+        if side is None:
+            argument = _build(term.pieces[0], s, acceleration, sides)
+            return casadi.sign(argument) if term.operation == "sign" else casadi.if_else(argument >= 0.0, 1.0, 0.0)
+        return side if term.operation == "sign" else 0.5 + 0.5 * side
+    pieces = [_build(piece, s, acceleration, sides) for piece in term.pieces]
+    if term.operation == "table":
+        return _interpolated(pieces[0], *term.value[:3])
+    if term.operation == "corners":
+        return _alternating(pieces[0], term.value)
     if term.operation in ("min", "max"):
         pick = casadi.fmin if term.operation == "min" else casadi.fmax
         result = pieces[0]
@@ -234,6 +316,32 @@ def _build(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
         return _CONSTANT[term.operation](None, *pieces)
     operation = casadi.fabs if term.operation == "abs" else getattr(casadi, term.operation)
     return operation(*pieces)
+
+
+def _interpolated(x: Any, knots: tuple[float, ...], pieces: tuple[tuple[float, ...], ...], last: float) -> Any:
+    """Polynomials of x − knots[i] (ascending powers) between knots, and the end values beyond them."""
+    import casadi
+
+    start, powers = casadi.SX(knots[0]), [casadi.SX(power) for power in pieces[0]]
+    for knot, piece in zip(knots[1:-1], pieces[1:], strict=True):
+        beyond = x >= knot
+        start = casadi.if_else(beyond, knot, start)
+        powers = [casadi.if_else(beyond, new, old) for new, old in zip(piece, powers, strict=True)]
+    d, value = casadi.fmin(casadi.fmax(x, knots[0]), knots[-1]) - start, casadi.SX(0)
+    for power in reversed(powers):
+        value = value * d + power
+    return casadi.if_else(x >= knots[-1], last, value)
+
+
+def _alternating(x: Any, zeros: tuple[float, ...]) -> Any:
+    """A function with a continuous slope that vanishes at the given values of x only, and changes its sign there."""
+    import casadi
+
+    result = x - zeros[0]
+    for k, (low, high) in enumerate(pairwise(zeros)):
+        sign = 1.0 - 2.0 * (k % 2)
+        result = casadi.if_else(x >= low, sign * (x - low) * (high - x) / (high - low), result)
+    return casadi.if_else(x >= zeros[-1], (1.0 - 2.0 * ((len(zeros) - 1) % 2)) * (x - zeros[-1]), result)
 
 
 def _short(text: str) -> str:
@@ -252,6 +360,9 @@ def expressions_in(value: Any) -> Iterator[Expression]:
         yield value
     elif isinstance(value, (list, tuple)):
         for entry in value:
+            yield from expressions_in(entry)
+    elif isinstance(value, Mapping):
+        for entry in value.values():
             yield from expressions_in(entry)
     elif is_dataclass(value):
         for entry in fields(value):

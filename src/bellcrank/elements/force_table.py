@@ -10,6 +10,7 @@ import csv
 import io
 import math
 import re
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
-from bellcrank.config.units import units_for
+from bellcrank.config.units import UNITS, units_for
 from bellcrank.elements.signals import Signal, SignalSource
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
@@ -126,6 +127,46 @@ def read_table(path: Path, text: str, column: str, unit: str) -> tuple[Array, Ar
     return time, torque
 
 
+def read_columns(path: Path, text: str, units: Mapping[str, str]) -> tuple[Array, dict[str, Array]]:
+    """Read the first column of a table (n,), which must increase, and those of `units` that it has (n,), converted.
+
+    Units of the first column are converted to SI. Raises InputError, one sentence with file and line.
+    """
+    header, rows = _rows(path, text, None)
+    first = _HEADER.match(header[0])
+    if first is None:
+        raise InputError(f"{path}: the first column '{header[0]}' has no unit; write '{header[0]} [m]', [rad] or [1]")
+    unit = first["unit"].strip()
+    factor = 1.0 if unit == "1" else next((known[unit] for known in UNITS.values() if unit in known), None)
+    if factor is None:
+        raise InputError(f"{path}: the unit '{unit}' of the first column is not known; write it in SI units")
+    argument = _column(path, header[0], rows, 0) * factor
+    if np.any(np.diff(argument) <= 0.0):
+        k = int(np.argmax(np.diff(argument) <= 0.0))
+        raise InputError(
+            f"{path}: the first column must increase, but {argument[k + 1]:g} (line {rows[k + 1][0]}) follows "
+            f"{argument[k]:g}"
+        )
+    check_size(str(path), f"column '{header[0]}':", argument)
+    labels = [_label(title) for title in header[1:]]
+    for label in labels:
+        if label not in units:
+            raise InputError(f"{path}: {unknown_name('column', label, units)}")
+    found = {}
+    for place, label in enumerate(labels, 1):
+        if label in found:
+            raise InputError(f"{path}: there are two columns '{label}'")
+        match, known = _HEADER.match(header[place]), units_for(units[label])
+        if match is None or match["unit"].strip() not in known:
+            there = "no unit" if match is None else f"the unit '{match['unit']}'"
+            raise InputError(f"{path}: column '{label}' has {there}, expected {' or '.join(known)}")
+        found[label] = _column(path, header[place], rows, place) * known[match["unit"].strip()]
+        check_size(str(path), f"column '{label}':", found[label])
+    if not found:
+        raise InputError(f"{path}: expected one of the columns {', '.join(units)} beside the first")
+    return argument, found
+
+
 def _label(title: str) -> str:
     """The title of a column without its unit."""
     match = _HEADER.match(title)
@@ -148,7 +189,7 @@ def table_signal(time: Array, values: Array, interpolation: str) -> tuple[Signal
     return Signal(time, np.stack([values[:-1], slope], axis=1), 0, True), np.zeros(0)
 
 
-def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _rows(path: Path, text: str, needed: str | None = "time") -> tuple[list[str], list[tuple[int, list[str]]]]:
     try:
         lines = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(c.strip() for c in row)]
     except csv.Error as error:
@@ -159,7 +200,7 @@ def _rows(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]
             f"found {max(len(lines) - 1, 0)} rows"
         )
     header = [" ".join(unguarded(cell).split()) for cell in lines[0][1]]
-    if all(_label(title) != "time" for title in header):
+    if needed is not None and all(_label(title) != needed for title in header):
         raise InputError(f"{path}: no column 'time [s]'; expected a header such as 'time [s],JOINT torque [N m]'")
     for number, row in lines[1:]:
         if len(row) != len(header):

@@ -11,21 +11,21 @@ from typing import Final
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import Force, named_entries
+from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.frame_forces import Spring, Wrench
-from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointSpring, Torque
+from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointLoad, JointSpring, Torque
 from bellcrank.elements.spherical_spring import SphericalSpring
-from bellcrank.robot.robot import Robot
 
 KINDS: Final[dict[str, type[JointForce | SphericalSpring | Spring | Wrench]]] = {
-    cls.kind: cls for cls in (JointSpring, SphericalSpring, Spring, Damper, Friction, Torque, Wrench)
+    cls.kind: cls for cls in (JointSpring, SphericalSpring, Spring, Damper, Friction, Torque, JointLoad, Wrench)
 }
 
 
-def read_forces(read: Fields, robot: Robot) -> tuple[Force, ...]:
+def read_forces(read: Fields, formulas: FormulaReader) -> tuple[Force, ...]:
     """Read the list `forces` of a scene. Raises InputError naming file and key."""
     forces: list[Force] = []
     for name, entry in named_entries(read, "forces"):
         kind = KINDS[entry.choice("kind", tuple(KINDS))]
-        forces.append(kind.read(name, entry, robot))
+        forces.append(kind.read(name, entry, formulas))
         entry.done()
     return tuple(forces)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import NONNEGATIVE, Force, GeneralisedForce, Settable, number, read_frame
-from bellcrank.elements.force_table import INTERPOLATIONS, read_wrench_table
+from bellcrank.elements.expression import Expression, Sides, Term
+from bellcrank.elements.force_table import COMPONENTS, INTERPOLATIONS, read_wrench_table
+from bellcrank.elements.formulas import FormulaReader, active_switches, common, on_or_off, read_active
 from bellcrank.elements.signals import SignalSource
 from bellcrank.robot.robot import Robot
 
@@ -43,8 +46,9 @@ class Spring(Force):
     kind: ClassVar[str] = "spring"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+    def read(cls, name: str, read: Fields, formulas: FormulaReader) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
+        robot = formulas.robot
         read.known("frame_a", "frame_b", "point", "stiffness", "damping", "free_length")
         a = read_frame(read, robot, "frame_a")
         fixed = read.text("frame_b") == WORLD
@@ -132,12 +136,15 @@ class Spring(Force):
 
 @dataclass(frozen=True)
 class Wrench(Force):
-    """A force (N) at a frame's origin and a torque (N m), constant or from a table over time in a CSV `file`.
+    """A force (N) at a frame's origin and a torque (N m): numbers, formulas, or a table in a CSV `file`.
 
-    `expressed_in` is "world" (the default) or "frame". The table has the column "time [s]" and one or more of "force x
-    [N]", "force y [N]", "force z [N]", "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a
-    column are 0. `interpolation` is "linear" (the default), "cubic" (a not-a-knot spline) or "hold" (each value until
-    the next). The first and last values are held before and after the table. Its power is part of the work W.
+    `expressed_in` is "world" (the default) or "frame". Each component is a number or a formula (expression.py) of time,
+    positions, velocities, parameters and outputs. A table over time has the column "time [s]" and one or more of "force
+    x [N]", "force y [N]", "force z [N]", "torque x [N m]", "torque y [N m]" and "torque z [N m]"; components without a
+    column are 0. A table over a formula, `over`, has its values in the first column (formulas.py). `interpolation` is
+    "linear" (the default), "cubic" (a not-a-knot spline) or, over time, "hold" (each value until the next). The first
+    and last values are held before and after the table. With `active`, a formula, it acts while that is positive. Its
+    power is part of the work W.
     """
 
     frame: str
@@ -146,37 +153,63 @@ class Wrench(Force):
     expressed_in: str
     table: SignalSource | None = None
     text: str = field(default="", repr=False, compare=False)  # of the table's file
+    formula: Mapping[str, Expression] = field(default_factory=dict)  # by component: "force x", …
+    active: Expression | None = None
     kind: ClassVar[str] = "wrench"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+    def read(cls, name: str, read: Fields, formulas: FormulaReader) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
-        read.known("frame", "force", "torque", "expressed_in", "file", "interpolation")
-        nothing = (0.0, 0.0, 0.0)
+        robot = formulas.robot
+        read.known("frame", "force", "torque", "expressed_in", "file", "interpolation", "over")
+        nothing, active = (0.0, 0.0, 0.0), read_active(read, formulas)
         frame, axes = read_frame(read, robot), read.choice("expressed_in", (WORLD, "frame"), WORLD)
         if "file" in read:
             for key in ("force", "torque"):
                 if key in read:
                     raise read.error(key, f"'{key}' and 'file' exclude each other; remove one of them")
+            if "over" in read:
+                found, text = formulas.tables(read, COMPONENTS)
+                return cls(name, read, frame, nothing, nothing, axes, None, text, found, active)
             interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
             table, text = read_wrench_table(read, interpolation)
-            return cls(name, read, frame, nothing, nothing, axes, table, text)
-        if "interpolation" in read:
-            raise read.error(
-                "interpolation", "'interpolation' requires a 'file'; a constant wrench is not interpolated"
-            )
+            return cls(name, read, frame, nothing, nothing, axes, table, text, active=active)
+        for key in ("interpolation", "over"):
+            if key in read:
+                raise read.error(key, f"'{key}' requires a 'file'; it is not used without a table")
         if "force" not in read and "torque" not in read:
             raise read.error("", "the key 'force' or 'torque' is missing: a wrench requires one of them, or a 'file'")
-        return cls(
-            name, read, frame, read.vector("force", 3, "N", nothing), read.vector("torque", 3, "N m", nothing), axes
-        )
+        vectors: list[tuple[float, ...]] = []
+        formula: dict[str, Expression] = {}
+        for key, unit in (("force", "N"), ("torque", "N m")):
+            given = read.raw(key, nothing)
+            if isinstance(given, (list, tuple)) and len(given) == 3 and any(isinstance(x, str) for x in given):
+                each = [formulas.parsed(read, key, x, unit) for x in given]
+                moving = [k for k, one in enumerate(each) if one.operations - {"number"}]
+                formula |= {f"{key} {'xyz'[k]}": each[k] for k in moving}
+                numbers = [0.0 if k in moving else read.parsed(key, x, unit) for k, x in enumerate(given)]
+                vectors.append(tuple(numbers))
+            else:
+                vectors.append(read.vector(key, 3, unit, nothing))
+        return cls(name, read, frame, vectors[0], vectors[1], axes, formula=formula, active=active)
 
     @property
     def settable(self) -> dict[str, Settable]:
-        """Every component of a constant wrench can be set."""
-        if self.table is not None:
+        """Every component that is a number can be set."""
+        if self.text:
             return {}
-        return {f"force.{c}": Settable("N") for c in "xyz"} | {f"torque.{c}": Settable("N m") for c in "xyz"}
+        every = {f"force.{c}": Settable("N") for c in "xyz"} | {f"torque.{c}": Settable("N m") for c in "xyz"}
+        return {name: how for name, how in every.items() if name.replace(".", " ") not in self.formula}
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """Its formulas, and `active`."""
+        return (*self.formula.values(), *(() if self.active is None else (self.active,)))
+
+    @property
+    def switches(self) -> tuple[Term, ...]:
+        """Those of its formulas, and `active`."""
+        return active_switches(super().switches, self.active)
 
     @property
     def source(self) -> SignalSource | None:
@@ -185,8 +218,8 @@ class Wrench(Force):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frame it acts on."""
-        return (self.frame,)
+        """The frame it acts on, and those in its formulas."""
+        return tuple(dict.fromkeys((self.frame, *common(self.formulas))))
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """The generalised force, potential energy and power that it adds to the equations of motion."""
@@ -210,15 +243,30 @@ class Wrench(Force):
         """Force (3), N, and torque (3), N m, in world axes."""
         import casadi
 
+        sides = symbols.sides(self)
         if self.table is None:
-            force, torque = self.vector(symbols, "force"), self.vector(symbols, "torque")
+            force, torque = (
+                casadi.vertcat(*[self._component(symbols, name, c, sides) for c in "xyz"])
+                for name in ("force", "torque")
+            )
         else:
             both = symbols.signal(self.table)[:, 0]
             force, torque = both[:3], both[3:]
+        if self.active is not None:
+            on = on_or_off(self.active, symbols, sides)
+            force, torque = on * force, on * torque
         if self.expressed_in == WORLD:
             return casadi.vertcat(force, torque)
         turn = symbols.frame(self.frame).rotation
         return casadi.vertcat(turn @ force, turn @ torque)
+
+    def _component(self, symbols: Symbols, name: str, axis: str, sides: Sides) -> casadi.SX:
+        import casadi
+
+        formula = self.formula.get(f"{name} {axis}")
+        return (
+            casadi.SX(self.value(symbols, f"{name}.{axis}")) if formula is None else formula.value(symbols, None, sides)
+        )
 
 
 def _is_elsewhere(name: str, robot: Robot) -> bool:

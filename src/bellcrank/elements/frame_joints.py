@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from bellcrank.elements.constraint import Constraint
-from bellcrank.elements.controllers import Controller
+from bellcrank.elements.controller import Controller
 from bellcrank.elements.element import Element
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.motion.entry_kinds import JoinEntry

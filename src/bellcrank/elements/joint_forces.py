@@ -19,7 +19,9 @@ from bellcrank.elements.element import (  # fmt: skip
     number,
     read_joint,
 )
+from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.force_table import INTERPOLATIONS, read_torque_table
+from bellcrank.elements.formulas import FormulaReader, active_switches, common, on_or_off, read_active
 from bellcrank.elements.signals import SignalSource
 from bellcrank.robot.friction import FRICTION_WIDTH
 from bellcrank.robot.robot import Robot, RobotJoint
@@ -44,10 +46,10 @@ class JointForce(Force):
     NUMBERS: ClassVar[Numbers] = {}
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+    def read(cls, name: str, read: Fields, formulas: FormulaReader) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
         read.known("joint", *cls.NUMBERS)
-        joint = read_joint(read, robot)
+        joint = read_joint(read, formulas.robot)
         values = {
             key: number(read, key, joint_unit(joint, quantity), default, bound)
             for key, (quantity, default, bound) in cls.NUMBERS.items()
@@ -144,42 +146,55 @@ class Friction(JointForce):
 
 @dataclass(frozen=True)
 class Torque(JointForce):
-    """A motor's torque: a constant `value` (N m or N), or a table over time in a CSV `file`.
+    """A motor's torque: a `value` (N m or N), which is a number or a formula, or a table in a CSV `file`.
 
-    The table has the columns "time [s]" and "JOINT torque [N m]" (or the column named by `column`). `interpolation` is
-    "linear" (the default), "cubic" (a not-a-knot spline) or "hold" (each value until the next). The first and last
-    values are held before and after the table. In inverse dynamics and sizing the torque is a load in addition to that
-    of the joint's motor.
+    A formula (expression.py) contains time, positions, velocities, parameters and outputs. A table over time has the
+    columns "time [s]" and "JOINT torque [N m]" (or the column named by `column`); `interpolation` is "linear" (the
+    default), "cubic" (a not-a-knot spline) or "hold" (each value until the next). A table over a formula, `over`, has
+    its values in the first column (formulas.py). The first and last values are held before and after the table. With
+    `active`, a formula, it acts while that is positive; the times at which its sign changes are located. In inverse
+    dynamics and sizing the torque is a load in addition to that of the joint's motor.
     """
 
     constant: float
     table: SignalSource | None
     text: str = field(default="", repr=False, compare=False)  # of the table's file
+    formula: Expression | None = None
+    active: Expression | None = None
     kind: ClassVar[str] = "torque"
+    actuator: ClassVar[bool] = True  # whether a motor exerts it
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+    def read(cls, name: str, read: Fields, formulas: FormulaReader) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
-        read.known("joint", "value", "file", "interpolation", "column")
-        joint = read_joint(read, robot)
+        read.known("joint", "value", "file", "interpolation", "column", "over")
+        joint, active = read_joint(read, formulas.robot), read_active(read, formulas)
         unit = joint_unit(joint, "torque")
         if ("value" in read) == ("file" in read):
             found = "both" if "file" in read else "neither"
-            raise read.error("value", f"expected a 'value' in {unit} or a 'file' with a table over time, found {found}")
+            raise read.error("value", f"expected a 'value' in {unit} or a 'file' with a table, found {found}")
         if "value" in read:
-            for key in ("interpolation", "column"):
+            for key in ("interpolation", "column", "over"):
                 if key in read:
-                    raise read.error(key, f"'{key}' requires a 'file'; it is not used with a constant value")
-            return cls(name, read, joint, read.number("value", unit), None)
-        interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
+                    raise read.error(key, f"'{key}' requires a 'file'; it is not used with a value")
+            formula = formulas.read(read, "value", unit)
+            if formula.term.operation in ("number", "negative") and not formula.operations - {"number"}:
+                return cls(name, read, joint, read.number("value", unit), None, active=active)
+            return cls(name, read, joint, 0.0, None, formula=formula, active=active)
         column = read.text("column", f"{joint.name} torque")
+        if "over" in read:
+            tables, text = formulas.tables(read, {column: unit})
+            return cls(name, read, joint, 0.0, None, text, tables[column], active)
+        interpolation = read.choice("interpolation", INTERPOLATIONS, "linear")
         table, text = read_torque_table(read, column, unit, interpolation)
-        return cls(name, read, joint, 0.0, table, text)
+        return cls(name, read, joint, 0.0, table, text, active=active)
 
     @property
     def settable(self) -> dict[str, Settable]:
         """The constant value can be set."""
-        return {"value": Settable(joint_unit(self.joint, "torque"))} if self.table is None else {}
+        if self.table is not None or self.formula is not None:
+            return {}
+        return {"value": Settable(joint_unit(self.joint, "torque"))}
 
     def number(self, name: str) -> float:
         """The constant value."""
@@ -187,11 +202,44 @@ class Torque(JointForce):
 
     @property
     def source(self) -> SignalSource | None:
-        """The table."""
+        """The table over time."""
         return self.table
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames in its formula."""
+        return common(self.formulas)
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """Its formula, and `active`."""
+        return tuple(one for one in (self.formula, self.active) if one is not None)
+
+    @property
+    def switches(self) -> tuple[Term, ...]:
+        """Those of its formulas, and `active`."""
+        return active_switches(super().switches, self.active)
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """The generalised force, potential energy and power that it adds to the equations of motion."""
         _, rate, index = symbols.joint(self.joint)
-        torque = self.value(symbols, "value") if self.table is None else symbols.signal(self.table)[0]
-        return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, True)
+        torque: casadi.SX | float
+        sides = symbols.sides(self)
+        if self.formula is not None:
+            torque = self.formula.value(symbols, None, sides)
+        else:
+            torque = self.value(symbols, "value") if self.table is None else symbols.signal(self.table)[0]
+        if self.active is not None:
+            torque *= on_or_off(self.active, symbols, sides)
+        return GeneralisedForce(symbols.joint_force(index, torque), symbols.zero, torque * rate, self.actuator)
+
+
+@dataclass(frozen=True)
+class JointLoad(Torque):
+    """A force along a joint's coordinate (N m or N) that no motor exerts, such as that of a press or a process.
+
+    Its keys are those of a `torque`.
+    """
+
+    kind: ClassVar[str] = "joint_force"
+    actuator: ClassVar[bool] = False

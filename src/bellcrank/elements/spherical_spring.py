@@ -9,6 +9,7 @@ import numpy as np
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import NONNEGATIVE, Force, GeneralisedForce, Settable, number
+from bellcrank.elements.formulas import FormulaReader
 from bellcrank.errors import InputError
 from bellcrank.motion.quaternions import from_matrices
 from bellcrank.motion.rotations import from_rpy
@@ -40,8 +41,9 @@ class SphericalSpring(Force):
     kind: ClassVar[str] = "spherical_spring"
 
     @classmethod
-    def read(cls, name: str, read: Fields, robot: Robot) -> Self:
+    def read(cls, name: str, read: Fields, formulas: FormulaReader) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
+        robot = formulas.robot
         read.known("joint", *UNITS, "rpy", "quaternion_xyzw")
         try:
             joint = robot.joint(read.text("joint"))

@@ -12,6 +12,8 @@ from bellcrank.robot.traced_tree import trace_tree
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.element import Element
+    from bellcrank.elements.expression import Term
     from bellcrank.elements.parameters import Parameter
     from bellcrank.elements.signals import SignalSource
     from bellcrank.robot.robot import Robot, RobotJoint
@@ -52,7 +54,8 @@ class Symbols:
     """Time t, position q (nq), velocity v (nv), signals u and parameters p, and the kinematics and dynamics over them.
 
     The targets of parameters are symbols in every traced algorithm. `frames` may list the frames that will be used, so
-    that they are traced together. In expressions of a scene file, t stands for t + `clock` (s).
+    that they are traced together. In expressions of a scene file, t stands for t + `clock` (s). With `held_sides`, the
+    sides of switches of forces are entries of u, which a simulation holds; else they follow from the state.
     """
 
     def __init__(
@@ -61,11 +64,13 @@ class Symbols:
         parameters: Mapping[str, Parameter] | None = None,
         frames: Iterable[str] = (),
         clock: float = 0.0,
+        held_sides: bool = False,
     ):
         import casadi
 
         self.robot = robot
         self.clock = clock
+        self.held_sides = held_sides
         self.parameters = dict(parameters or {})
         self.t, self.q, self.v = (casadi.SX.sym(n, k) for n, k in (("t", 1), ("q", robot.nq), ("v", robot.nv)))
         self.p = casadi.SX.sym("p", len(self.parameters))
@@ -105,6 +110,15 @@ class Symbols:
         if source not in self._groups:
             self._groups[source] = casadi.SX.sym(f"u{len(self._groups)}", source.size)
         return casadi.reshape(self._groups[source], source.width, source.derivatives + 1)
+
+    def sides(self, part: Element) -> Mapping[Term, casadi.SX]:
+        """The entries of u that hold the sides of the switches of a force; none where they follow from the state."""
+        import casadi
+
+        source = part.switch_sides if self.held_sides else None
+        if source is None:
+            return {}
+        return dict(zip(part.switches, casadi.vertsplit(self.signal(source)), strict=True))
 
     def parameter(self, name: str) -> casadi.SX:
         """The symbol of a parameter."""

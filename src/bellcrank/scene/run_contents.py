@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.elements.held_inputs import found_signal
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import MOST_RUN, open_regular
 from bellcrank.files.npz_archive import DAMAGE, UNPACKED, NoAboutError, brief, read_archive
@@ -136,11 +137,27 @@ def joined_checkpoints(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
             arrays["state"] = np.vstack([arrays["state"], rows["end_state"]])
         events = [event for facts, _ in parts for event in facts["events"]]
         about.pop("process", None)
+        _add_held(about, arrays, about.pop("held", []), [rows for _, rows in parts])
         about |= {"format": RUN, "status": last["status"], "statistics": last["statistics"], "events": events}
     except (KeyError, TypeError, ValueError, IndexError) as error:
         why = " ".join(str(error).split())[:150]
         raise InputError(f"{folder}: the checkpoints do not fit together ({why}); copy the folder again") from None
     return about, arrays
+
+
+def _add_held(
+    about: dict[str, Any], arrays: dict[str, Array], widths: list[int], parts: list[dict[str, Array]]
+) -> None:
+    """Add the signals that the run found, of these widths, which the checkpoints hold in parts."""
+    if not widths:
+        return
+    time = np.concatenate([rows["held_time"] for rows in parts])
+    values = np.concatenate([rows["held_values"] for rows in parts])
+    last = np.append(np.diff(time) > 0.0, True)  # of several at one time
+    for part in np.split(values[last], np.cumsum(widths)[:-1], axis=1):
+        signal, k = found_signal(time[last], np.ascontiguousarray(part)), len(about["signals"])
+        about["signals"].append({"derivatives": signal.derivatives, "kinked": signal.kinked})
+        arrays |= {f"signal_{k}_breaks": signal.breaks, f"signal_{k}_coefficients": signal.coefficients}
 
 
 def _number(name: str) -> int:

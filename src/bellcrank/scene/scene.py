@@ -24,15 +24,20 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
+from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
-from bellcrank.elements.controllers import Controller, read_control
+from bellcrank.elements.controllers import read_control
 from bellcrank.elements.element import Element, Force
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
 from bellcrank.elements.forces import read_forces
+from bellcrank.elements.formula_controllers import StateFeedback
+from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.frame_joints import refuse_joints_off_paths
+from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.parameters import Parameter, read_parameters
+from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
@@ -40,6 +45,7 @@ from bellcrank.motion.entry_kinds import csv_texts
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
+from bellcrank.scene.output_terms import OutputTerms
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.robot_config import (
@@ -237,9 +243,10 @@ class Scene(Portable):
     def files(self) -> dict[str, str]:
         """The texts of the files that forces, motions and constraints were read from, by the name under `file`."""
         found = dict(csv_texts(self.config.motions.values())) | self.loop_files
-        return found | {
-            str(p.place.raw("file")): p.text for p in self.forces if isinstance(p, Torque | Wrench) and p.text
-        }
+        for part in (*self.forces, *self.control):
+            if isinstance(part, Torque | Wrench | StateFeedback | StateSpace) and part.text:
+                found[str(part.place.raw("file"))] = part.text
+        return found
 
     @property
     def parameter_values(self) -> Array:
@@ -279,7 +286,13 @@ class Scene(Portable):
     def signal_sources(self) -> tuple[SignalSource, ...]:
         """The sources of the signals u(t), in the order of their entries in u."""
         found = [part.source for part in self.elements]
-        return tuple(dict.fromkeys(source for source in found if source is not None))
+        return (*dict.fromkeys(source for source in found if source is not None), *self.held_sources)
+
+    @property
+    def held_sources(self) -> tuple[HeldSource, ...]:
+        """The last of them: entries of u that a run finds (held_inputs.py), the sides of switches first."""
+        found = [*(part.switch_sides for part in self.elements), *(part.samples for part in self.elements)]
+        return tuple(source for source in found if source is not None)
 
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
@@ -422,11 +435,14 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     if not config.actuated:
         config = replace(config, actuated=imported_motors(constraints, robot))
     loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
-    forces = read_forces(read, robot)
+    formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
+    forces = read_forces(read, formulas)
     motors = config.actuated or config.joints_with_actuators
-    control = read_control(read, Driven.of(robot, motors), config.motions, motion_of)
-    refuse_joints_off_paths(constraints, control, robot, config.motions)
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
+    control = read_control(
+        read, ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock)
+    )
+    refuse_joints_off_paths(constraints, control, robot, config.motions)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)
     events = read_events(read, robot, parameters, constraints)

@@ -144,6 +144,8 @@ class CheckpointWriter:
             "end_time": np.array([block.end_time]),
             "end_state": block.end_state[None],
         }
+        if self._run.scene.held_sources:
+            arrays |= {n: np.concatenate([getattr(b, n) for b in self._waiting]) for n in ("held_time", "held_values")}
         rules = [self._run.scene.events[k] for k in index.tolist()]
         kept = np.concatenate([self._events, index])
         statistics = statistics_of(self._run.scene, block, kept)
@@ -182,6 +184,10 @@ class CheckpointWriter:
             "end_time": run.time[-1:],
             "end_state": run.state[-1:],
         }
+        held = run.signals[len(run.signals) - len(run.scene.held_sources) :]
+        if held:
+            breaks, values = held[0].breaks[:-1], np.concatenate([s.coefficients[:, 0] for s in held], axis=1)
+            arrays |= {"held_time": breaks[breaks > self._until], "held_values": values[breaks > self._until]}
         try:
             if len(run.time) < self._rows or run.statistics.omitted_events:
                 raise InputError("the rest does not follow what is written")
@@ -205,6 +211,7 @@ class CheckpointWriter:
             write_archive(self.folder / name, about, arrays)
         else:
             facts, common = file_contents(self._run)
+            facts |= {"held": [source.width for source in self._run.scene.held_sources]}
             try:
                 self.target.parent.mkdir(parents=True, exist_ok=True)
                 made = new_folder("blocks", self.target.parent)

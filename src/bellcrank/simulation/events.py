@@ -12,6 +12,9 @@ from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -71,12 +74,24 @@ class Event:
         return 0.0 if self.latch is None else self.latch.energy_lost
 
 
-def event_at(scene: Scene, k: int, time: float, position: Array, velocity: Array, parameters: Array) -> Event:
-    """Event number k of a scene at a time (s) and a state, with multipliers and the impact of its latch."""
+def event_at(
+    scene: Scene,
+    k: int,
+    time: float,
+    position: Array,
+    velocity: Array,
+    parameters: Array,
+    signals: Sequence[Signal] | None = None,
+) -> Event:
+    """Event number k of a scene at a time (s) and a state, with multipliers and the impact of its latch.
+
+    `signals`: those of the run, by default the scene's.
+    """
     system, rule = system_of(scene), scene.events[k]
     x, t = np.zeros(system.size), np.array([time])
     x[: system.nq], x[system.nq : system.nq + system.nv] = position, velocity
-    arguments = (t, x, values_at(scene.signals, t)[0] if scene.signals else NO_SIGNALS, parameters)
+    signals = scene.signals if signals is None else signals
+    arguments = (t, x, values_at(signals, t)[0] if signals else NO_SIGNALS, parameters)
     multipliers = system.constraint(*arguments)[0] if scene.constraints else np.zeros(0)
     latch = None
     if rule.latch:

@@ -30,6 +30,7 @@ from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.events import Event, event_at
+from bellcrank.simulation.held_entries import found_signals, function_updates, held_entries
 from bellcrank.simulation.integration_problem import (
     DerivativeKernels,
     EventSearch,
@@ -70,7 +71,7 @@ class Integration:
         scene: The scene.
         settings: The solver's settings.
         parameters: Parameters of its equations.
-        signals: Its signals, until a prescribed motion ends.
+        signals: Its signals that are known before, until a prescribed motion ends.
         duration: s; shorter than that of the settings where a prescribed motion ends.
         x0: The state at the start.
         problem: The integrator's problem.
@@ -93,44 +94,52 @@ class Integration:
 
         Raises InputError where the accelerations at the start are not finite.
         """
+        updates = function_updates(self.scene)
         if checkpoints is None:
-            result = self.stepper.run(progress)
+            result = self.stepper.run(progress, updates=updates)
         else:
             checkpoints.begin(self.scene, self.settings, self.parameters, self.signals)
-            result = self.stepper.run(progress, checkpoints.add, checkpoints.every)
+            result = self.stepper.run(progress, checkpoints.add, checkpoints.every, updates=updates)
+        return self.trajectory(result, self.parameters)
+
+    def trajectory(self, result: StepResult, parameters: Array) -> Trajectory:
+        """What the integrator found with these parameters as a run. Raises InputError as `run`."""
         raise_failure()
+        signals = (*self.signals, *found_signals(self.scene, result))
         status = _STATUSES[result.status]
         if status is Status.INTERRUPTED:
             interruption.cut_short()
         if status is Status.FINISHED and self.duration < self.settings.duration:
             status = Status.PRESCRIBED_MOTION_ENDED
         if status is Status.NON_FINITE and result.accepted == 0:
-            refuse_infinite_start(self.scene, self.parameters, self.x0)
+            refuse_infinite_start(self.scene, parameters, self.x0)
         scene, time, state = self.scene, result.time, result.state
         if status is Status.PRESCRIBED_MOTION_ENDED and (not len(time) or time[-1] < result.end_time):
             time, state = np.append(time, result.end_time), np.vstack([state, result.end_state[None]])
-        events = _events(scene, result, self.parameters) if scene.events else ()
+        events = _events(scene, result, parameters, signals) if scene.events else ()
         statistics = statistics_of(scene, result, None if result.events_complete else result.event_index)
         if not result.finite:
             time, state, status = _finite_rows(time, state, status)
         run = Trajectory(
-            scene, self.settings, time, state, self.parameters, self.signals, status, events, statistics, result.steps
+            scene, self.settings, time, state, parameters, signals, status, events, statistics, result.steps
         )
         return until_turned_over(run)
 
 
 def prepared_integration(
-    scene: Scene, settings: Settings, parameters: Array, rows: Rows, projected: bool
+    scene: Scene, settings: Settings, parameters: Array, rows: Rows, projected: bool, observe: bool = False
 ) -> Integration:
     """Prepare to integrate a scene with other settings and parameters of its equations.
 
-    `projected`: the states are projected onto its constraints. Raises InputError where the start is none: massless
+    `projected`: the states are projected onto its constraints. `observe`: the extremes of the observed quantities
+    (`System.observe`) are wanted. Raises InputError where the start is none: massless
     motion, an open contact.
     """
     system, signals, duration, times = system_of(scene), scene.signals, settings.duration, rows.times
     end = prescribed_motion_end(scene)
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
+    signals = signals[: len(signals) - len(scene.held_sources)]
     refuse_singular_mass_matrix(scene)
     x0 = np.zeros(system.size)
     q0, v0 = consistent_start(scene)
@@ -140,7 +149,7 @@ def prepared_integration(
     batched = (
         projected
         and not rows.every_step
-        and not signals
+        and not scene.signal_sources
         and system.size <= LARGEST_STAGED
         and len(times) >= BATCH_OUTPUTS
     )
@@ -153,10 +162,14 @@ def prepared_integration(
         x0=x0,
         parameters=parameters,
         signals=signals,
+        held=held_entries(scene),
         stops=scene.stops,
         events=event_search(scene),
         times=times,
         every_step=rows.every_step,
+        observed=system.observed_layout.size if observe else 0,
+        observed_within=system.observed_layout.outputs if observe else 0,
+        observe=system.observe.address("scalar") if observe else 0,
     )
     return Integration(
         scene=scene,
@@ -179,10 +192,10 @@ def _finite_rows(time: Array, state: Array, status: Status) -> tuple[Array, Arra
     return time[:rows], state[:rows], Status.NON_FINITE
 
 
-def _events(scene: Scene, result: StepResult, parameters: Array) -> tuple[Event, ...]:
+def _events(scene: Scene, result: StepResult, parameters: Array, signals: tuple[Signal, ...]) -> tuple[Event, ...]:
     nq, nv = scene.robot.nq, scene.robot.nv
     return tuple(
-        event_at(scene, int(k), float(t), x[:nq], x[nq : nq + nv], parameters)
+        event_at(scene, int(k), float(t), x[:nq], x[nq : nq + nv], parameters, signals)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
     )
 
@@ -199,7 +212,7 @@ def until_turned_over(run: Trajectory) -> Trajectory:
     scene, time = run.scene, run.time
     if not aligned_constraints(scene):
         return run
-    good = (alignment_cosines_along(scene, time, run.state, scene.signals_at(time), run.parameters) > 0.0).all(axis=1)
+    good = (alignment_cosines_along(scene, time, run.state, run.inputs, run.parameters) > 0.0).all(axis=1)
     if good.all():
         return run
     rows = max(int(np.argmin(good)), 1)

@@ -115,6 +115,24 @@ class StepControl:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class HeldEntries:
+    """The last entries of u, which change only at instants of the run: sides of switches, then what updates compute.
+
+    Attributes:
+        start: Their values at the start.
+        switch_count: How many of the first are sides, 1 or -1.
+        switches: Address of (t, x, u, p) -> the functions whose signs they are; 0 where there are none.
+        updates: (address of (t, x, u, p) -> all entries after the sides, first time s, period s) of each update; with
+            the address 0 a function that `PreparedProblem.run` is given computes them.
+    """
+
+    start: Array
+    switch_count: int = 0
+    switches: int = 0
+    updates: Sequence[tuple[int, float, float]] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class IntegrationProblem:
     """x' = rhs(t, x, u, p) from t0 to t1, with events, outputs and what is called meanwhile.
 
@@ -127,10 +145,14 @@ class IntegrationProblem:
         x0: State (n,) at t0.
         parameters: p.
         signals: u, as piecewise polynomials of t.
+        held: What follows them in u; None: nothing.
         stops: Times, s, at which forces jump: steps end there.
         events: How events are looked for.
         times: Times, s, at which the state is wanted, increasing.
         every_step: The state is wanted at the end of every step instead.
+        observe: Address of (t, x, u, p) -> the quantities whose extremes are wanted; 0 where there are none.
+        observed: How many they are.
+        observed_within: How many of the first are looked at within steps too.
     """
 
     kernels: Kernels
@@ -141,7 +163,11 @@ class IntegrationProblem:
     x0: Array
     parameters: Array
     signals: Sequence[Signal] = ()
+    held: HeldEntries | None = None
     stops: Array = field(default_factory=lambda: np.empty(0))
     events: EventSearch = EventSearch()
     times: Array = field(default_factory=lambda: np.empty(0))
     every_step: bool = False
+    observe: int = 0
+    observed: int = 0
+    observed_within: int = 0

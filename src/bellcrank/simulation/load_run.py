@@ -59,13 +59,14 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
         check_arrays(about, arrays, scene, (robot.nq + robot.nv + system_of(scene).has_work,))
         p = np.concatenate([arrays["parameters"], system_parameters(scene)[len(arrays["parameters"]) :]])
         rules = [rule.name for rule in scene.events]
+        parts = [_parts(arrays, f"signal_{k}_") for k in range(len(about["signals"]))]
+        signals = tuple(Signal(**facts, **part) for facts, part in zip(about["signals"], parts, strict=True))
         events = tuple(
-            event_at(scene, rules.index(e["name"]), float(t), q, v, p)
+            event_at(scene, rules.index(e["name"]), float(t), q, v, p, signals)
             for e, t, q, v in zip(
                 about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
             )
         )
-    signals = tuple(Signal(**facts, **_parts(arrays, f"signal_{k}_")) for k, facts in enumerate(about["signals"]))
     run = Trajectory(
         scene=scene,
         settings=settings,

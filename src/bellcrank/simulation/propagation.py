@@ -44,8 +44,13 @@ _STATUSES = tuple(Status)
 def variables_of(scene: Scene, names: Sequence[str]) -> tuple[Variable, ...]:
     """What these names stand for: parameters of the scene, "initial.JOINT" and "initial.velocity.JOINT".
 
-    Raises InputError for an unknown name, or one that occurs twice.
+    Raises InputError for an unknown name, or one that occurs twice, and for a scene whose forces switch.
     """
+    if held := scene.held_sources:
+        raise InputError(
+            f"{scene.source}: sensitivities: forces that switch and sampled controllers have no derivatives here "
+            f"({', '.join(source.name for source in held)}); compare runs with values that differ a little"
+        )
     robot, places = scene.robot, {name: k for k, name in enumerate(scene.parameters)}
     joints = {joint.name: joint for joint in robot.joints if joint.nv == 1}
     found = []

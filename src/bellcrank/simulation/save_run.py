@@ -22,6 +22,7 @@ from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
+from bellcrank.elements.sampled_controllers import FunctionController
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.robot.joints import LENGTHS
@@ -110,7 +111,12 @@ def file_contents(run: Trajectory) -> tuple[dict[str, Any], dict[str, Array]]:
 
 
 def refuse_functions(scene: Scene) -> None:
-    """Refuse a scene with a constraint that is a Python function, which no file can hold (InputError)."""
+    """Refuse a scene with a constraint or controller that is a Python function, which no file can hold (InputError)."""
+    if any(isinstance(part, FunctionController) for part in scene.control):
+        raise InputError(
+            f"{scene.name}: the argument 'controller' is a Python function, which no file can hold; write it under "
+            "'control' in the scene, or save the run as CSV (to_csv)"
+        )
     own = [constraint.name for constraint in scene.constraints if isinstance(constraint, FunctionConstraint)]
     if own:
         raise InputError(

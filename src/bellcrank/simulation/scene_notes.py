@@ -155,8 +155,9 @@ def _saved(scene: Scene) -> Iterator[str]:
 def _with_time(scene: Scene) -> Iterator[str]:
     """What in a scene depends on time explicitly: tables, motions and expressions with t."""
     for source in scene.signal_sources:
-        yield source.name
-    whole: list[tuple[str, Any]] = [(f"constraint '{part.name}'", part) for part in scene.constraints]
+        if source not in scene.held_sources:
+            yield source.name
+    whole: list[tuple[str, Any]] = [(f"{part.owner} '{part.name}'", part) for part in scene.elements]
     whole += [(f"event '{event.name}'", event) for event in scene.events]
     whole += [(f"output '{name}'", output) for name, output in scene.outputs.items()]
     yield from (name for name, part in whole if has_time(part))

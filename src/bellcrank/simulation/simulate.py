@@ -11,11 +11,17 @@ from bellcrank.files.access import Trust
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.checkpoints import KEEP_EVERY, CheckpointWriter
+from bellcrank.simulation.function_controller import with_function
 from bellcrank.simulation.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
+
+    Array = NDArray[np.float64]
 
 
 def simulate(
@@ -37,6 +43,8 @@ def simulate(
     keep: str | Path | None = None,
     keep_every: float = KEEP_EVERY,
     sensitivities: Sequence[str] = (),
+    controller: Callable[[float, Array, Array], Any] | None = None,
+    sample_time: float | None = None,
     trust: Trust = (),
 ) -> Trajectory:
     """Simulate a scene.
@@ -69,6 +77,10 @@ def simulate(
         keep_every: Seconds of computing between two checkpoints.
         sensitivities: What derivatives of the run are wanted by: names of the scene's parameters, "initial.JOINT" and
             "initial.velocity.JOINT" for values of the start. `Trajectory.sensitivity` returns them.
+        controller: A function (t, position, velocity) -> torques (N m or N) of the joints with motors, as an array or a
+            mapping by joint, that is called every `sample_time` and acts besides the scene's `control`. It is for
+            prototypes: a call takes as long as some hundred steps, and neither files nor sweeps can hold it.
+        sample_time: The time between two calls of `controller`, s; its torques are constant meanwhile.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
@@ -89,6 +101,10 @@ def simulate(
     scene = given_scene(scene, overrides, trust)
     if progress is not None:
         arguments.function("progress", progress, "a function of the time reached")
+    if controller is not None:
+        scene = with_function(scene, controller, sample_time)
+    elif sample_time is not None:
+        arguments.refuse("sample_time", "nothing without a `controller`", sample_time)
     given = {
         "duration": duration, "solver": solver, "rtol": rtol, "atol": atol, "step": step, "samples": samples,
         "first_step": first_step, "max_step": max_step, "max_evaluations": max_evaluations,

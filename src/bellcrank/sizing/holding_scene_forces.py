@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.elements.expression import has_time
 from bellcrank.sizing.holding_search import Holding, joint_ranges
 
 if TYPE_CHECKING:
@@ -60,7 +61,16 @@ def scene_holding_torques(chain: OpenChain, mass_tolerance: float) -> Holding:
                 if most > torque[k]:
                     torque[k] = most
                     posture[k, [joint.q for joint in joints]] = x
-    return Holding(tuple(joint.name for joint in joints), torque, posture, ranges.notes)
+    return Holding(tuple(joint.name for joint in joints), torque, posture, (*ranges.notes, *_timed(chain)))
+
+
+def _timed(chain: OpenChain) -> tuple[str, ...]:
+    """Formulas with t, which a static torque has no time for."""
+    return tuple(
+        f"{force.kind} '{force.name}' depends on t: the holding torque counts its value at t = 0"
+        for force in chain.equations.forces
+        if has_time(force)
+    )
 
 
 class _StaticTorques:

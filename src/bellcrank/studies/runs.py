@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -31,6 +32,7 @@ class Runs:
         parameters: p (n, np).
         start: The starts x (n, size).
         result: What the integrator found.
+        found: The signals of each run, where they are not the same for all; None where they are.
     """
 
     scene: Scene
@@ -39,6 +41,7 @@ class Runs:
     parameters: Array
     start: Array
     result: EnsembleResult
+    found: Sequence[tuple[Signal, ...]] | None = None
 
     def __len__(self) -> int:
         return len(self.start)
@@ -46,15 +49,14 @@ class Runs:
     @classmethod
     def none(cls, scene: Scene) -> Self:
         """No runs: their measures are the names and units of a scene's measures."""
-        system, p = system_of(scene), system_parameters(scene)
-        start = np.zeros((0, system.size))
+        p, start = system_parameters(scene), np.zeros((0, system_of(scene).size))
         return cls(
             scene=scene,
             signals=scene.signals,
             duration=np.zeros(0),
             parameters=np.zeros((0, len(p))),
             start=start,
-            result=empty_result(0, system.size, len(scene.events), system.observed_layout.size),
+            result=empty_result(scene, 0),
         )
 
     def part(self, rows: NDArray[np.int64]) -> Self:
@@ -70,6 +72,7 @@ class Runs:
             parameters=self.parameters[rows],
             start=self.start[rows],
             result=replace(self.result, **arrays),
+            found=None if self.found is None else [self.found[row] for row in rows.tolist()],
         )
 
     def at(self, present: Mask | None, time: Array, state: Array) -> StatesOfRuns:
@@ -78,24 +81,31 @@ class Runs:
         if rows is not None:
             time, state = time[rows], state[rows]
         p = self.parameters if rows is None else self.parameters[rows]
-        return StatesOfRuns(count=len(self), rows=rows, time=time, state=state, signals=self.signals, parameters=p)
+        if self.found is None:
+            inputs = values_at(self.signals, time)
+        else:
+            which = range(len(self)) if rows is None else rows.tolist()
+            each = [values_at(self.found[row], time[k : k + 1]) for k, row in enumerate(which)]
+            inputs = np.concatenate([np.zeros((0, sum(s.size for s in self.scene.signal_sources))), *each])
+        return StatesOfRuns(count=len(self), rows=rows, time=time, state=state, inputs=inputs, parameters=p)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StatesOfRuns:
-    """States (k, size) of some `rows` of `count` runs, None: of all, at times (k,) s, with their parameters (k, np)."""
+    """States (k, size) of some `rows` of `count` runs, None: of all, at times (k,) s, with their signals (k, nu) and
+    parameters (k, np).
+    """
 
     count: int
     rows: NDArray[np.intp] | None
     time: Array
     state: Array
-    signals: tuple[Signal, ...]
+    inputs: Array
     parameters: Array
 
     def evaluated(self, function: Compiled) -> tuple[Array, ...]:
         """The outputs (count, size) of a function of (t, x, u, p); NaN in the other rows."""
-        inputs = values_at(self.signals, self.time)
-        found = function(self.time[:, None], self.state, inputs, self.parameters)
+        found = function(self.time[:, None], self.state, self.inputs, self.parameters)
         several = found if isinstance(found, tuple) else (found,)
         return several if self.rows is None else tuple(self._spread(values) for values in several)
 
@@ -105,8 +115,10 @@ class StatesOfRuns:
         return whole
 
 
-def empty_result(count: int, size: int, events: int, observed: int) -> EnsembleResult:
-    """The record of so many runs before anything is known of them."""
+def empty_result(scene: Scene, count: int) -> EnsembleResult:
+    """The record of so many runs of a scene before anything is known of them."""
+    system = system_of(scene)
+    size, events, observed = system.size, len(scene.events), system.observed_layout.size
     return EnsembleResult(
         done=np.zeros(count, dtype=bool),
         status=np.zeros(count, dtype=np.int64),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,9 @@ from bellcrank.studies.measures import default_measures, run_measures, start_mea
 from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.result_table import ResultTable
 from bellcrank.studies.run_outcomes import outcomes
-from bellcrank.studies.runs import Runs
+from bellcrank.studies.runs import Runs, empty_result
 from bellcrank.studies.scene_designs import DesignGroup, SceneDesigns
-from bellcrank.studies.single_runs import store_run
+from bellcrank.studies.single_runs import single_runs, store_run
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], object]
@@ -117,6 +118,8 @@ class SimulationRunner(Portable):
         self, group: DesignGroup, values: Array, threads: int, progress: Progress | None
     ) -> tuple[Runs, NDArray[np.int64]]:
         """The runs of a group of designs and their rows: all, or those that were done before an interruption."""
+        if group.scene.held_sources:
+            return self._single_runs(group, progress)
         scene, signals, duration = group.scene, group.scene.signals, group.duration
         end = prescribed_motion_end(scene)
         if end is not None:
@@ -144,6 +147,19 @@ class SimulationRunner(Portable):
             return runs, group.rows
         done = np.flatnonzero(result.done)
         return runs.part(done), group.rows[done]
+
+    def _single_runs(self, group: DesignGroup, progress: Progress | None) -> tuple[Runs, NDArray[np.int64]]:
+        """The same, where each run finds some of its signals and so steps by itself."""
+        runs = replace(
+            Runs.none(group.scene),
+            duration=group.duration,
+            parameters=group.parameters,
+            start=group.start,
+            result=empty_result(group.scene, len(group.rows)),
+        )
+        found = single_runs(group, runs.result, progress)
+        done = np.flatnonzero(runs.result.done)
+        return replace(runs, found=[found.get(row, ()) for row in range(len(group.rows))]).part(done), group.rows[done]
 
     def _scene(self, values: Array) -> Scene:
         """The scene of a design with values (axes,)."""

@@ -34,8 +34,10 @@ inline bool doubtful(const Shape& shape, int i, const double* v, int depth) {
 
 class Events {
  public:
-  Events(Rhs& rhs, LastStep& last)
-      : rhs_(rhs), p_(rhs.problem), last_(last), samples(p_.event_samples == 2 ? 2 : parts),
+  Events(Rhs& rhs, LastStep& last) : Events(rhs, last, rhs.problem) {}
+  // Those of another problem, which differs in its event functions only.
+  Events(Rhs& rhs, LastStep& last, const Problem& problem)
+      : rhs_(rhs), p_(problem), last_(last), samples(p_.event_samples == 2 ? 2 : parts),
         count_(p_.event_count), x_(p_.n + 16), value_(count_), g_((samples + 1) * count_), sign_(count_),
         hint_(count_), unresolved_(count_), in_(x_, rhs) {}
 
@@ -51,6 +53,7 @@ class Events {
     int sign, hint, unresolved;
   };
   Memory memory(int e) const { return {sign_[e], hint_[e], unresolved_[e]}; }
+  double value(int e) const { return g_[samples * count_ + e]; }  // at the end of the last step
   void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 
   // The events of the step just taken by `stepper`, which is that of the constructor.

@@ -19,6 +19,11 @@ struct Reading : ProblemReading {
   explicit Reading(nb::handle record) {
     read_span(record);
     read(record, static_cast<int>(x0_.shape(0)));
+    read_held(record.attr("held"));
+    plain.observed = get<int>(record, "observed"), plain.observed_within = get<int>(record, "observed_within");
+    plain.observe = plain.observed ? function<Kernel>(record, "observe") : nullptr;
+    require(plain.observed >= plain.observed_within && plain.observed_within >= 0 && (!plain.observed || plain.observe),
+            "integrate: observed quantities need a function");
     stops_ = stops_within(jumps, plain.t0, plain.t1, &plain.latest);
     plain.stops = stops_.data(), plain.stop_count = static_cast<int>(stops_.size());
   }
@@ -26,8 +31,27 @@ struct Reading : ProblemReading {
   std::size_t parameter_count() const { return parameters_.shape(0); }
 
  private:
-  Vector x0_, parameters_, times_;
+  Vector x0_, parameters_, times_, start_;
   std::vector<double> stops_;
+  std::vector<Update> updates_;
+
+  void read_held(nb::handle held) {
+    if (held.is_none()) return;
+    start_ = get<Vector>(held, "start");
+    plain.held.count = static_cast<int>(start_.shape(0)), plain.held.start = start_.data();
+    plain.held.switch_count = get<int>(held, "switch_count");
+    plain.held.switches = function<Kernel>(held, "switches");
+    require(plain.held.switch_count >= 0 && plain.held.switch_count <= plain.held.count &&
+                (plain.held.switches || !plain.held.switch_count),
+            "integrate: a held entry for each switch, and their functions");
+    for (auto [kernel, first, period] :
+         get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {
+      require(period > 0 && std::isfinite(first), "integrate: updates need a period");
+      updates_.push_back({reinterpret_cast<Kernel>(kernel), first, period});
+    }
+    plain.held.updates = updates_.data(), plain.held.update_count = static_cast<int>(updates_.size());
+    plain.signal_entries += plain.held.count;
+  }
 
   void read_span(nb::handle record) {
     plain.t0 = get<double>(record, "t0"), plain.t1 = get<double>(record, "t1");
@@ -50,7 +74,9 @@ class PreparedProblem {
 
   // `progress` is called with the time, `checkpoint` with what was found; `interval`: seconds until its first call.
   // A start or parameters that are given replace those of the problem.
-  nb::object run(nb::object progress, nb::object checkpoint, double interval, nb::object x0, nb::object p) const {
+  // `updates`: functions of Python for the updates without a kernel.
+  nb::object run(nb::object progress, nb::object checkpoint, double interval, nb::object x0, nb::object p,
+                 nb::object updates) const {
     require(checkpoint.is_none() || interval > 0, "integrate: checkpoints need a time between them");
     Problem problem = reading_.plain;
     Vector start, parameters;
@@ -59,6 +85,10 @@ class PreparedProblem {
     auto made = std::make_unique<StepResult>(problem.n, problem.t0, problem.event_count, std::move(progress),
                                              std::move(checkpoint), interval);
     StepResult& result = *made;
+    result.held_count = problem.held.count, result.switch_count = problem.held.switch_count;
+    result.updates = std::move(updates);
+    result.least_values.resize(problem.observed), result.largest_values.resize(problem.observed);
+    result.least = result.least_values.data(), result.largest = result.largest_values.data();
     if (!problem.every_step) {
       result.time.reserve(problem.time_count + 1);
       result.state.reserve((problem.time_count + 1) * problem.n);
@@ -130,6 +160,13 @@ void bind_integrate(nb::module_& m) {
       .def_prop_ro("event_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_time); })
       .def_prop_ro("event_state",
                    [](nb::handle h) { auto& r = nb::cast<StepResult&>(h); return view(h, r.event_state, r.n); })
+      .def_prop_ro("least", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).least_values); })
+      .def_prop_ro("largest", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).largest_values); })
+      .def_prop_ro("held_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).held_time); })
+      .def_prop_ro("held_values", [](nb::handle h) {
+        auto& r = nb::cast<StepResult&>(h);
+        return view(h, r.held_values, static_cast<int>(r.held_count));
+      })
       .def_prop_ro("switch_time", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).switch_time); })
       .def_prop_ro("event_counts", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).event_counts); })
       .def_prop_ro("unresolved_count", [](nb::handle h) { return view(h, nb::cast<StepResult&>(h).unresolved_count); })
@@ -148,6 +185,8 @@ void bind_integrate(nb::module_& m) {
       .def_ro("event_index", &StepBlock::event_index)
       .def_ro("event_time", &StepBlock::event_time)
       .def_ro("event_state", &StepBlock::event_state)
+      .def_ro("held_time", &StepBlock::held_time)
+      .def_ro("held_values", &StepBlock::held_values)
       .def_ro("switch_time", &StepBlock::switch_time)
       .def_ro("event_counts", &StepBlock::event_counts)
       .def_ro("unresolved_count", &StepBlock::unresolved_count)
@@ -157,7 +196,7 @@ void bind_integrate(nb::module_& m) {
   nb::class_<PreparedProblem>(m, "PreparedProblem")
       .def(nb::init<nb::object>())
       .def("run", &PreparedProblem::run, "progress"_a = nb::none(), "checkpoint"_a = nb::none(), "interval"_a = 0.0,
-           "x0"_a = nb::none(), "parameters"_a = nb::none());
+           "x0"_a = nb::none(), "parameters"_a = nb::none(), "updates"_a = nb::list());
 }
 
 }  // namespace bellcrank

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "event_detection.hpp"
+#include "held_entries.hpp"
 #include "observed_extremes.hpp"
 #include "outputs.hpp"
 #include "step_size_control.hpp"
@@ -14,7 +15,7 @@ class IntegrationLoop {
  public:
   IntegrationLoop(const Problem& problem, Record& record, Counts& counts)
       : p_(problem), record_(record), counts_(counts), rhs_(problem), stepper_(rhs_), events_(rhs_, stepper_),
-        observed_(rhs_, stepper_, record), outputs_(rhs_, record), between_(problem.n + 16) {}
+        held_(rhs_, stepper_, record), observed_(rhs_, stepper_, record), outputs_(rhs_, record), between_(problem.n + 16) {}
 
   Status operator()() {
     const Status status = intervals();
@@ -31,25 +32,31 @@ class IntegrationLoop {
   Rhs rhs_;
   Stepper stepper_;
   Events events_;
+  Held held_;
   ObservedExtremes observed_;
   Outputs outputs_;
   Buffer between_;  // an interpolated state, padded
   std::size_t next_output_ = 0;
   std::int64_t until_look_ = 1;
   double grid_index_ = 0, grid_end_ = p_.t0;
+  bool begun_ = false;
 
   Status intervals() {
     const bool fixed = p_.step > 0;
     output_start();
-    for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1; ++i) {
-      const double bound = i < p_.stop_count ? p_.stops[i] : p_.t1;
-      rhs_.pin(stepper_.t, bound);
-      rhs_.latest = i < p_.stop_count ? std::nextafter(bound, p_.t0) : p_.latest;
+    for (int i = 0; i <= p_.stop_count && stepper_.t < p_.t1;) {
+      const double stop = i < p_.stop_count ? p_.stops[i] : p_.t1;
+      rhs_.pin(stepper_.t, stop);
+      rhs_.latest = INFINITY;
+      if (held_.exist() && !held_.begin(stepper_.t, stepper_.state())) return held_failure();
+      const double bound = held_.exist() ? held_.bound(stepper_.t, stop) : stop;
+      rhs_.latest = bound < p_.t1 ? std::nextafter(bound, p_.t0) : p_.latest;
       if (!stepper_.begin()) return Status::non_finite;
       observed_.begin();
-      if (i == 0) {
+      if (!begun_) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
         if (!fixed) stepper_.choose_step(bound);
+        begun_ = true;
       }
       while (stepper_.t < bound) {
         const std::int64_t rejected = stepper_.rejected;
@@ -57,6 +64,16 @@ class IntegrationLoop {
         const Outcome outcome = fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
         if (is_implicit() != implicit) record_.switched(stepper_.t_old, !implicit);
         if (outcome != Outcome::accepted) return status_of(outcome);
+        const bool turns = held_.exist() && !held_.stays(stepper_);
+        if (held_.failed()) return Status::non_finite;
+        if (turns) {
+          const Outcome again = retake();
+          if (again != Outcome::accepted) return status_of(again);
+          if (stepper_.t == stepper_.t_old) {  // it begins on the other side
+            if (!turn()) return held_failure();
+            continue;
+          }
+        }
         ++counts_.accepted;
         if (p_.event_count) {
           const Found found = events_.search(stepper_, record_);
@@ -68,9 +85,29 @@ class IntegrationLoop {
         output_step(stepper_.t);
         until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;
         if (until_look_ <= 0 && look()) return Status::interrupted;
+        if (turns && !turn()) return held_failure();
       }
+      if (stepper_.t >= stop) ++i;
     }
     return Status::finished;
+  }
+
+  // The last step again, up to the time at which a switch turns; where it begins there, the state before it.
+  Outcome retake() {
+    const double h = stepper_.next_step(), end = held_.turn_time();
+    if (!stepper_.resume(stepper_.t_old, held_.old_state(), h)) return Outcome::non_finite;
+    return end > stepper_.t ? stepper_.fixed(end) : Outcome::accepted;
+  }
+
+  // Goes on beyond a switch.
+  bool turn() {
+    if (!held_.turn(stepper_.t, stepper_.state()) || !stepper_.begin()) return false;
+    observed_.begin();
+    return true;
+  }
+
+  Status held_failure() const {
+    return held_.failed() ? Status::interrupted : held_.chatters() ? Status::chattering : Status::non_finite;
   }
 
   bool is_implicit() const {

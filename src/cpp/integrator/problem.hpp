@@ -11,7 +11,7 @@ using Kernel = std::int32_t (*)(const double* const* inputs, double* const* outp
 using BatchKernel = std::int32_t (*)(const double* const* inputs, double* const* outputs, const std::int64_t* strides,
                                      std::int64_t rows);
 
-enum class Status : int { finished, event, step_too_small, non_finite, evaluations_spent, interrupted };
+enum class Status : int { finished, event, step_too_small, non_finite, evaluations_spent, interrupted, chattering };
 
 // A piecewise polynomial of the time: breaks (pieces + 1), coefficients (pieces, powers, width), ascending powers.
 struct Signal {
@@ -43,6 +43,20 @@ class Derivatives {
   ~Derivatives() = default;
 };
 
+// Entries of u that change only at instants of a run: they follow those of the signals. First the sides of switches, the
+// signs of functions of (t, x, u, p); then what updates compute anew at first, first + period, …
+struct Update {
+  Kernel kernel;  // (t, x, u, p) -> all entries after the sides; 0: the record computes them
+  double first, period;
+};
+struct HeldEntries {
+  int count, switch_count;
+  const double* start;  // (count)
+  Kernel switches;      // (t, x, u, p) -> the functions (switch_count)
+  const Update* updates;
+  int update_count;
+};
+
 struct Problem {
   Kernel rhs, events;
   Kernel fallback;  // used where the second output of rhs, a guard, is not positive; 0: there is no guard
@@ -64,7 +78,8 @@ struct Problem {
   const Unit* units;
   int unit_count;
   const Signal* signals;
-  int signal_count, signal_entries;
+  int signal_count, signal_entries;  // the entries of u, held ones included
+  HeldEntries held;
   const double* stops;  // sorted, strictly between t0 and t1
   int stop_count;
   double latest;  // the last time at which stages are evaluated: just before a stop at t1, else infinite
@@ -95,6 +110,9 @@ class Record {
   virtual void undefined(int index, double t) = 0;   // the event function is NaN in this step, first at t
   virtual void switched(double, bool) {}  // from this time on the method is implicit, or explicit again
   virtual void end(double t, const double* x) = 0;
+  virtual void hold(double, const double*) {}  // from this time on the held entries of u have these values
+  // Update number k, where it has no kernel: changes the entries after the sides. False: it failed.
+  virtual bool update(int, double, const double*, double*) { return false; }
   // Called between steps, at time t and state x; true: stop. `attempts` becomes the number of steps until the next call.
   virtual bool look(double t, const double* x, const Counts& counts, std::int64_t* attempts) = 0;
 

@@ -77,13 +77,16 @@ class Rhs {
  public:
   explicit Rhs(const Problem& problem)
       : problem(problem), u_(problem.signal_entries), rest_(problem.n), correction_(problem.n),
-        piece_(problem.signal_count) {}
+        piece_(problem.signal_count) {
+    if (problem.held.count) std::memcpy(held(), problem.held.start, problem.held.count * sizeof(double));
+  }
 
   const Problem& problem;
   std::int64_t evaluations = 0;
   double latest = INFINITY;  // stages at a stop are evaluated just before it
 
   const double* u() const { return u_; }
+  double* held() { return u_ + (problem.signal_entries - problem.held.count); }
   const double* rest() const { return rest_; }  // n zeros
   bool spent() const { return evaluations >= problem.max_evaluations; }
 

@@ -40,6 +40,7 @@ nb::object rest(const std::vector<T>& values, std::size_t* from, std::size_t col
 
 // What a checkpoint gets: what was found since the one before.
 struct StepBlock {
+  nb::object held_time, held_values;
   nb::object time, state, event_index, event_time, event_state, steps, end_state;
   nb::object switch_time, event_counts, unresolved_count, unresolved_time, undefined_count, undefined_time;
   double end_time = 0, seconds = 0, longest_step = 0;
@@ -125,6 +126,22 @@ class StepResult final : public Record {
     if (switch_time.size() < most_switches) switch_time.push_back(t);
     ++switches;
   }
+  void hold(double t, const double* values) override {
+    if (held_time.size() > given.held_time && held_time.back() == t) held_values.resize(held_values.size() - held_count);
+    else held_time.push_back(t);
+    held_values.insert(held_values.end(), values, values + held_count);
+  }
+  // Calls Python, `updates[k]`(t, x, values) -> the values anew.
+  bool update(int k, double t, const double* x, double* values) override {
+    nb::gil_scoped_acquire gil;
+    const std::size_t count = held_count - switch_count;
+    nb::object answer = nb::steal(PyObject_CallFunctionObjArgs(nb::handle(updates[k]).ptr(), nb::cast(t).ptr(),
+        copied(x, n).ptr(), copied(values, count).ptr(), nullptr));
+    if (!answer.is_valid()) return watch.failed(), false;
+    const auto found = nb::cast<nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>>(answer);
+    std::copy(found.data(), found.data() + count, values);
+    return true;
+  }
   void end(double t, const double* x) override {
     end_time = t;
     end_state.assign(x, x + n);
@@ -152,6 +169,10 @@ class StepResult final : public Record {
   Watch watch;
   Checkpoints checkpoints;
   std::vector<std::int64_t> event_counts;
+  std::size_t held_count = 0, switch_count = 0;
+  nb::object updates;
+  std::vector<double> held_time, held_values;  // (m), (m, held_count)
+  std::vector<double> least_values, largest_values;  // the extremes of what is observed
 
  private:
   struct Last {
@@ -172,7 +193,7 @@ class StepResult final : public Record {
   double last_step;
 
   struct Marks {
-    std::size_t time = 0, state = 0, event_index = 0, event_time = 0, event_state = 0;
+    std::size_t held_time = 0, held_values = 0, time = 0, state = 0, event_index = 0, event_time = 0, event_state = 0;
   } given;  // to Python already
 
   // What was found since the last block; steps, which are decimated as they become more, and counts are all so far.
@@ -182,6 +203,8 @@ class StepResult final : public Record {
     found.end_time = t;
     found.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
     found.end_state = copied(x, n);
+    found.held_time = rest(held_time, &given.held_time);
+    found.held_values = rest(held_values, &given.held_values, std::max<std::size_t>(held_count, 1));
     found.time = rest(time, &given.time);
     found.state = rest(state, &given.state, n);
     found.event_index = rest(event_index, &given.event_index);

@@ -66,8 +66,16 @@ class StiffnessSwitching final : public LastStep {
     return is_implicit_ ? outcome : explicit_step(bound);
   }
 
+  // Goes on at another state with the method of the last step, with steps of size h at first.
+  bool resume(double time, const double* x, double h) {
+    const bool sound = is_implicit_ ? implicit_->resume(time, x, h) : explicit_.resume(time, x, h);
+    take_times();
+    return sound;
+  }
+  double next_step() const { return is_implicit_ ? implicit_->next_step() : explicit_.next_step(); }
+
   Outcome fixed(double end) {
-    const Outcome outcome = explicit_.fixed(end);
+    const Outcome outcome = is_implicit_ ? implicit_->fixed(end) : explicit_.fixed(end);
     take_times();
     return outcome;
   }

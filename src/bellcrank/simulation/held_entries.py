@@ -1,0 +1,78 @@
+"""The entries of u that a run finds: what the integrator is told of them, and the signals that it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.cached_values import computed_once
+from bellcrank.codegen.compile import make_ready
+from bellcrank.dynamics.system import system_of
+from bellcrank.elements.held_inputs import found_signal
+from bellcrank.elements.sampled_controllers import FunctionController, Sampled
+from bellcrank.elements.signals import Signal
+from bellcrank.simulation.integration_problem import HeldEntries
+
+if TYPE_CHECKING:
+    from bellcrank._step import StepResult
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Update = Callable[[float, Array, Array], Array]  # (t, x, values) -> the values after it
+
+
+@computed_once
+def held_entries(scene: Scene) -> HeldEntries | None:
+    """Those of a scene; None where it has none."""
+    sources = scene.held_sources
+    if not sources:
+        return None
+    system, count = system_of(scene), sum(len(part.switches) for part in scene.elements)
+    updates = [
+        (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
+        for k, part in enumerate(scene.control)
+        if isinstance(part, Sampled)
+        for i, each in enumerate(part.instants)
+    ]
+    return HeldEntries(
+        start=np.concatenate([source.start for source in sources]),
+        switch_count=count,
+        switches=make_ready(((system.switches, "scalar"),))[0] if count else 0,
+        updates=[(address, each.first, each.period) for address, each in updates],
+    )
+
+
+def function_updates(scene: Scene) -> list[Update | None]:
+    """The Python functions of the updates, None where one is compiled."""
+    sampled = [part for part in scene.control if isinstance(part, Sampled)]
+    found: list[Update | None] = []
+    first = 0
+    for part in sampled:
+        function = partial(_called, scene, part, first) if isinstance(part, FunctionController) else None
+        found += [function] * len(part.instants)
+        first += part.samples.width
+    return found
+
+
+def _called(scene: Scene, part: FunctionController, first: int, t: float, x: Array, values: Array) -> Array:
+    """What all sampled controllers hold after a sample of a Python function whose part begins at `first`."""
+    nq, nv, count = scene.robot.nq, scene.robot.nv, len(part.joints)
+    torques = part.called(t, x[:nq], x[nq : nq + nv])
+    own = slice(first + part.states, first + part.samples.width)
+    queue = np.concatenate([torques, values[own][: -2 * count]])
+    values = values.copy()
+    values[own] = np.concatenate([queue, queue[part.waiting * count :][:count]])
+    return values
+
+
+def found_signals(scene: Scene, result: StepResult) -> tuple[Signal, ...]:
+    """The signals of a scene's held sources, as a run found them."""
+    widths = [source.width for source in scene.held_sources]
+    if not widths:
+        return ()
+    parts = np.split(np.asarray(result.held_values), np.cumsum(widths)[:-1], axis=1)
+    return tuple(found_signal(np.array(result.held_time), np.ascontiguousarray(part)) for part in parts)
