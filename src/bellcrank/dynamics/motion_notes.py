@@ -27,7 +27,8 @@ ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a star
 def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
     """A sentence for each torque that acts in addition to a motor, and for each element that is not included."""
     found = [
-        f"{force.kind} '{force.name}' of the scene acts on joint '{force.joint.name}' in addition to the motor"
+        f"{force.kind} '{force.name}' of the scene acts on joint '{force.joint.name}' "
+        + ("in addition to the motor" if force.actuator else "as a load")
         for force in mechanism.equations.forces
         if isinstance(force, Torque)
     ]

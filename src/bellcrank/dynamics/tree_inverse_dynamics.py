@@ -101,6 +101,8 @@ class TreeInverseDynamics:
             import casadi
 
             s = Symbols(self.robot, scene.parameters, scene.frames)
+            for source in scene.signal_sources:  # all of them, in the order of the scene's signals
+                s.signal(source)
             total, friction = casadi.SX.zeros(self.robot.nv, 1), casadi.SX.zeros(self.robot.nv, 1)
             for part in scene.forces:
                 force = part.generalised_force(s).force

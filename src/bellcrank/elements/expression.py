@@ -283,6 +283,8 @@ def _build(term: Term, s: Symbols, acceleration: casadi.SX | None, sides: Sides)
         return s.t + s.clock if s.clock else s.t
     if term.operation == "parameter":
         return s.parameter(term.value)
+    if term.operation == "setting":  # a number of an element, which a parameter may set
+        return casadi.SX(s.value(*term.value))
     if term.operation == "joint":
         name, what = term.value
         joint = s.joint(name)

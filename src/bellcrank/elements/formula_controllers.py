@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -15,13 +16,11 @@ from bellcrank.elements.controller_fields import Driven, read_joints, read_limit
 from bellcrank.elements.element import GeneralisedForce, joint_unit, read_joint
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.force_table import table_text
-from bellcrank.elements.formulas import FormulaReader, active_switches, common, on_or_off, read_active
+from bellcrank.elements.formulas import FormulaReader, common, read_active
 from bellcrank.messages import format_value
-from bellcrank.robot.robot import Robot
+from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
-    import casadi
-
     from bellcrank.elements.symbols import Symbols
 
 
@@ -32,26 +31,36 @@ class FormulaController(Controller):
     active: Expression | None
 
     @property
+    def demands(self) -> tuple[Term, ...]:
+        """The torques at its joints where it acts, before the limit."""
+        raise NotImplementedError
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """The torques at its joints."""
+        return tuple(
+            Expression("", self._acting(demand, joint)) for demand, joint in zip(self.demands, self.joints, strict=True)
+        )
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """The frames in its formulas."""
         return common(self.formulas)
 
-    @property
-    def switches(self) -> tuple[Term, ...]:
-        """Those of its formulas, and `active`."""
-        return active_switches(super().switches, self.active)
-
-    def demands(self, symbols: Symbols) -> list[casadi.SX]:
-        """The torques at its joints where it acts, before the limit."""
-        raise NotImplementedError
+    def _acting(self, torque: Term, joint: RobotJoint) -> Term:
+        """A torque within the limit while the controller is active."""
+        if self.active is not None:
+            torque = Term("*", (Term("step", (self.active.term,)), torque))
+        field = f"limit.{joint.name}" if isinstance(self.limit, Mapping) else "limit"
+        if self.limit is None or math.isinf(self.number(field)):
+            return torque
+        most = Term("setting", value=(self.owner, self.name, field, self.number(field)))
+        return Term("max", (Term("min", (torque, most)), Term("negative", (most,))))
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """The generalised force, potential energy and power that it adds to the equations of motion."""
-        torques = self.demands(symbols)
-        if self.active is not None:
-            on = on_or_off(self.active, symbols, symbols.sides(self))
-            torques = [on * torque for torque in torques]
-        return self.clamped(symbols, torques)
+        sides = symbols.sides(self)
+        return self.applied(symbols, [formula.value(symbols, None, sides) for formula in self.formulas])
 
 
 @dataclass(frozen=True)
@@ -71,13 +80,9 @@ class FormulaTorque(FormulaController):
         return cls(name, read, joints, read_limit(read, joints, robot), read_active(read, context.formulas), value)
 
     @property
-    def formulas(self) -> tuple[Expression, ...]:
-        """Its value, and `active`."""
-        return (self.value_of,) if self.active is None else (self.value_of, self.active)
-
-    def demands(self, symbols: Symbols) -> list[casadi.SX]:
+    def demands(self) -> tuple[Term, ...]:
         """The value."""
-        return [self.value_of.value(symbols, None, symbols.sides(self))]
+        return (self.value_of.term,)
 
 
 @dataclass(frozen=True)
@@ -113,25 +118,16 @@ class StateFeedback(FormulaController):
         return cls(name, read, joints, limit, active, states, gain, reference, feedforward, text)
 
     @property
-    def formulas(self) -> tuple[Expression, ...]:
-        """Its states, gains, reference and feedforward, and `active`."""
-        rows = [one for row in self.gain for one in row]
-        own = () if self.active is None else (self.active,)
-        return (*self.states, *rows, *self.reference, *self.feedforward, *own)
-
-    def demands(self, symbols: Symbols) -> list[casadi.SX]:
+    def demands(self) -> tuple[Term, ...]:
         """The torques at its joints."""
-        sides = symbols.sides(self)
-
-        def values(formulas: Sequence[Expression]) -> list[casadi.SX]:
-            return [formula.value(symbols, None, sides) for formula in formulas]
-
-        errors = [x - wanted for x, wanted in zip(values(self.states), values(self.reference), strict=True)]
-        torques = []
-        for feedforward, row in zip(values(self.feedforward), self.gain, strict=True):
-            products = [k * error for k, error in zip(values(row), errors, strict=True)]
-            torques.append(feedforward - sum(products[1:], products[0]))
-        return torques
+        errors = [Term("-", (x.term, wanted.term)) for x, wanted in zip(self.states, self.reference, strict=True)]
+        found = []
+        for feedforward, row in zip(self.feedforward, self.gain, strict=True):
+            torque = feedforward.term
+            for gain, error in zip(row, errors, strict=True):
+                torque = Term("-", (torque, Term("*", (gain.term, error))))
+            found.append(torque)
+        return tuple(found)
 
 
 def _all_states(driven: Driven, formulas: FormulaReader, read: Fields) -> tuple[Expression, ...]:

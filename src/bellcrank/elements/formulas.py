@@ -51,7 +51,8 @@ class FormulaReader:
         try:
             found = parse_expression(text, self.robot, self.parameters, self.output)
         except InputError as error:
-            raise read.error(key, str(error)) from None
+            wanted = f"a number in {unit} or a formula" if unit else "a number or a formula"
+            raise read.error(key, f"expected {wanted}: {error}") from None
         if any(leaf.operation == "joint" and leaf.value[1] == "acceleration" for leaf in found.term.leaves()):
             raise read.error(key, "a force must be a formula of positions and velocities, not of accelerations")
         return found

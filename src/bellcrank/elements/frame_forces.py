@@ -176,7 +176,7 @@ class Wrench(Force):
             return cls(name, read, frame, nothing, nothing, axes, table, text, active=active)
         for key in ("interpolation", "over"):
             if key in read:
-                raise read.error(key, f"'{key}' requires a 'file'; it is not used without a table")
+                raise read.error(key, f"'{key}' requires a 'file'; a wrench without a table is not interpolated")
         if "force" not in read and "torque" not in read:
             raise read.error("", "the key 'force' or 'torque' is missing: a wrench requires one of them, or a 'file'")
         vectors: list[tuple[float, ...]] = []

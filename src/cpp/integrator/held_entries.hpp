@@ -37,7 +37,7 @@ class Held {
         if (!update(k, t, x)) return false;
         changed = true, ++done_[k];
       }
-    for (int e = 0; e < h_.switch_count; ++e) turned_[e] = 0;
+    at_instant(t);
     return settle(t, x, changed);
   }
 
@@ -65,7 +65,7 @@ class Held {
   // Goes over to the other side of the switch that `stays` found, at time t and state x. False: not finite, or it goes to
   // and fro without end.
   bool turn(double t, const double* x) {
-    for (int e = 0; e < h_.switch_count; ++e) turned_[e] = 0;
+    at_instant(t);
     over(turn_, t);
     return settle(t, x, true) && !chatters();
   }
@@ -97,7 +97,7 @@ class Held {
   Buffer old_, turn_time_;
   Array<std::int64_t> done_;  // updates so far
   int turn_ = -1;
-  double end_ = 0;
+  double end_ = 0, instant_ = -INFINITY;
   bool begun_ = false, failed_ = false;
 
   static Problem functions(const Problem& p) {
@@ -123,6 +123,14 @@ class Held {
     if (sum != 0) return false;
     std::memcpy(values, found, count * sizeof(double));
     return true;
+  }
+
+  // Switches that turn together, such as those of x and -x, turn once at an instant, whatever the rounding of their
+  // functions there.
+  void at_instant(double t) {
+    if (t - instant_ <= rounding(t)) return;
+    instant_ = t;
+    for (int e = 0; e < h_.switch_count; ++e) turned_[e] = 0;
   }
 
   // Turns the switches whose functions are on the other side; those that turned at this instant stay as they are.
