@@ -489,7 +489,7 @@ def test_a_wrench_s_table_pushes_a_simulated_block_as_its_polynomials_say(tmp_pa
         ("time [s],force x [N]\n0,1\n1,nan\n", {}, "line 3, column 'force x \\[N\\]': 'nan' is not a finite number"),
         ("time [s],force x [N],force x [N]\n0,1,1\n1,2,1\n", {}, "there are two columns 'force x'"),
         ("time [s],force x [N]\n0,1\n1,2\n", {"force": [1, 0, 0]}, "'force' and 'file' exclude each other"),
-        (None, {"file": None, "force": [1, 0, 0], "interpolation": "hold"}, "a wrench without a table is not interpolated"),
+        (None, {"file": None, "force": [1, 0, 0], "interpolation": "hold"}, "without a table is not interpolated"),
         (None, {}, "there is no such file"),
     ],
 )  # fmt: skip

@@ -6,8 +6,8 @@ frame('NAME').x, y, z, vx, vy, vz, wx, wy, wz (world axes, m, m/s and rad/s), ou
 not an identifier is written joint('odd-name').position.
 
 Where abs, sign, step, min or max switch from one formula to another, an expression is not smooth. `Expression.switches`
-are the functions whose signs change there. A simulation ends a step at each of these times. In the forces of its
-equations, sign and step then keep the value of one side for a whole step: `value` takes these sides.
+are the functions whose signs change there. A simulation ends a step at each of these times, and its forces keep the
+formula of one side for a whole step, so that they are smooth there: `value` takes these sides.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ JOINT = ("position", "velocity", "acceleration")
 FRAME = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 LONGEST, DEEPEST = 2000, 200
 _NAMED = ("joint", "frame", "output")
+_GUARDING = ("sqrt", "log", "asin", "acos", "tan")  # functions that, like powers and quotients, have no value somewhere
 _VARYING = ("time", "joint", "frame")  # leaves that change along a run
 _CONSTANT: Final[dict[str, Callable[..., Any]]] = {  # (value, *pieces) -> number
     "number": lambda value: value, "negative": lambda _, x: -x, "+": lambda _, x, y: x + y, "-": lambda _, x, y: x - y,
@@ -274,7 +275,53 @@ class _Reader:
         return InputError(f"'{_short(piece)}': {message}")
 
 
-def _build(term: Term, s: Symbols, acceleration: casadi.SX | None, sides: Sides) -> Any:
+def _build(term: Term, s: Symbols, acceleration: casadi.SX | None, sides: Sides, guarded: bool = False) -> Any:
+    """A term over symbols; in a `guarded` one abs, min, max and tables follow from the state even where sides are held.
+
+    Such a term must not leave its side within a step, as the depth under a root must not: see `_GUARDING`.
+    """
+    import casadi
+
+    if not term.pieces:
+        return _leaf(term, s, acceleration)
+    held = {} if guarded else sides
+    if term.operation in ("sign", "step"):
+        side = sides.get(term.pieces[0])
+        if side is None:
+            argument = _build(term.pieces[0], s, acceleration, sides, guarded)
+            return casadi.sign(argument) if term.operation == "sign" else casadi.if_else(argument >= 0.0, 1.0, 0.0)
+        return side if term.operation == "sign" else 0.5 + 0.5 * side
+    fractional = term.operation == "**" and not float(term.pieces[1].value).is_integer()
+    guards = [guarded or fractional or term.operation in _GUARDING] * len(term.pieces)
+    if term.operation == "/":
+        guards[1] = True
+    pieces = [_build(piece, s, acceleration, sides, guard) for piece, guard in zip(term.pieces, guards, strict=True)]
+    if term.operation == "table":
+        knots, polynomials, last, corners = term.value
+        side = held.get(Term("corners", term.pieces, corners))
+        return _interpolated(pieces[0], knots, polynomials, last, corners, side)
+    if term.operation == "corners":
+        return _alternating(pieces[0], term.value)
+    if term.operation in ("min", "max"):
+        pick = casadi.fmin if term.operation == "min" else casadi.fmax
+        result, before = pieces[0], term.pieces[0]
+        for piece, value in zip(term.pieces[1:], pieces[1:], strict=True):
+            side = held.get(Term("-", (before, piece)))
+            if side is None:
+                result = pick(result, value)
+            else:  # positive where the earlier one is larger
+                result = casadi.if_else((side > 0.0) == (term.operation == "max"), result, value)
+            before = Term(term.operation, (before, piece))
+        return result
+    if term.operation in _CONSTANT:
+        return _CONSTANT[term.operation](None, *pieces)
+    if term.operation == "abs":
+        side = held.get(term.pieces[0])
+        return casadi.fabs(pieces[0]) if side is None else side * pieces[0]
+    return getattr(casadi, term.operation)(*pieces)
+
+
+def _leaf(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
     import casadi
 
     if term.operation == "number":
@@ -285,54 +332,49 @@ def _build(term: Term, s: Symbols, acceleration: casadi.SX | None, sides: Sides)
         return s.parameter(term.value)
     if term.operation == "setting":  # a number of an element, which a parameter may set
         return casadi.SX(s.value(*term.value))
+    name, what = term.value
     if term.operation == "joint":
-        name, what = term.value
         joint = s.joint(name)
         if what == "acceleration":
             assert acceleration is not None  # constraints with accelerations are refused when they are read
             return acceleration[joint.row]
         return joint.position if what == "position" else joint.velocity
-    if term.operation == "frame":
-        name, what = term.value
-        frame = s.frame(name)
-        of = {"v": frame.linear, "w": frame.angular}.get(what[0], frame.position)
-        return of["xyz".index(what[-1])]
-    if term.operation in ("sign", "step"):
-        side = sides.get(term.pieces[0])
-        if side is None:
-            argument = _build(term.pieces[0], s, acceleration, sides)
-            return casadi.sign(argument) if term.operation == "sign" else casadi.if_else(argument >= 0.0, 1.0, 0.0)
-        return side if term.operation == "sign" else 0.5 + 0.5 * side
-    pieces = [_build(piece, s, acceleration, sides) for piece in term.pieces]
-    if term.operation == "table":
-        return _interpolated(pieces[0], *term.value[:3])
-    if term.operation == "corners":
-        return _alternating(pieces[0], term.value)
-    if term.operation in ("min", "max"):
-        pick = casadi.fmin if term.operation == "min" else casadi.fmax
-        result = pieces[0]
-        for piece in pieces[1:]:
-            result = pick(result, piece)
-        return result
-    if term.operation in _CONSTANT:
-        return _CONSTANT[term.operation](None, *pieces)
-    operation = casadi.fabs if term.operation == "abs" else getattr(casadi, term.operation)
-    return operation(*pieces)
+    frame = s.frame(name)
+    of = {"v": frame.linear, "w": frame.angular}.get(what[0], frame.position)
+    return of["xyz".index(what[-1])]
 
 
-def _interpolated(x: Any, knots: tuple[float, ...], pieces: tuple[tuple[float, ...], ...], last: float) -> Any:
-    """Polynomials of x − knots[i] (ascending powers) between knots, and the end values beyond them."""
+def _interpolated(
+    x: Any,
+    knots: tuple[float, ...],
+    pieces: tuple[tuple[float, ...], ...],
+    last: float,
+    corners: tuple[float, ...],
+    side: Any,
+) -> Any:
+    """Polynomials of x − knots[i] (ascending powers) between knots, and the end values beyond them.
+
+    Where the side of the corners (`_alternating`) is held and x is beyond a corner, the polynomial is that before it: the
+    one that x belongs to when it is reflected there.
+    """
     import casadi
 
+    place = x
+    if side is not None:
+        nearest = casadi.SX(corners[0])
+        for low, high in pairwise(corners):
+            nearest = casadi.if_else(x >= 0.5 * (low + high), high, nearest)
+        place = casadi.if_else(_alternating(x, corners) * side >= 0.0, x, 2.0 * nearest - x)
     start, powers = casadi.SX(knots[0]), [casadi.SX(power) for power in pieces[0]]
     for knot, piece in zip(knots[1:-1], pieces[1:], strict=True):
-        beyond = x >= knot
+        beyond = place >= knot
         start = casadi.if_else(beyond, knot, start)
         powers = [casadi.if_else(beyond, new, old) for new, old in zip(piece, powers, strict=True)]
-    d, value = casadi.fmin(casadi.fmax(x, knots[0]), knots[-1]) - start, casadi.SX(0)
+    value = casadi.SX(0)
     for power in reversed(powers):
-        value = value * d + power
-    return casadi.if_else(x >= knots[-1], last, value)
+        value = value * (x - start) + power
+    value = casadi.if_else(place >= knots[-1], last, value)
+    return casadi.if_else(place >= knots[0], value, pieces[0][0])
 
 
 def _alternating(x: Any, zeros: tuple[float, ...]) -> Any:

@@ -247,7 +247,10 @@ def _matrix(read: Fields, key: str, rows: int, columns: int, *, optional: bool =
     """Read a matrix. Raises InputError naming file and key."""
     if key not in read and (optional or not rows or not columns):
         return ((0.0,) * columns,) * rows
+    size = f"{rows} row{'s' if rows != 1 else ''} of {columns} number{'s' if columns != 1 else ''}"
+    if key not in read:
+        raise read.error("", f"the key '{key}' is missing: expected {size}")
     given = _rows(read, key)
     if len(given) != rows:
-        raise read.error(key, f"expected {rows} rows of {columns} numbers, found {len(given)} rows")
+        raise read.error(key, f"expected {size}, found {len(given)} row{'s' if len(given) != 1 else ''}")
     return read.rows(key, columns) if rows and columns else ()

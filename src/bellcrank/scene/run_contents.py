@@ -36,6 +36,7 @@ VERSION: Final = 1
 LONGEST_REASON: Final = 300  # characters
 _ARRAYS = re.compile(
     r"time|state|parameters|steps|multipliers|event_(time|position|velocity)|latch_velocity|end_(time|state)|"
+    r"held_(time|values)|"
     r"signal_(0|[1-9][0-9]{0,3})_(breaks|coefficients)"
 )
 _NUMBERED = re.compile(r"\d{4,}\.npz")
