@@ -354,8 +354,8 @@ def _interpolated(
 ) -> Any:
     """Polynomials of x − knots[i] (ascending powers) between knots, and the end values beyond them.
 
-    Where the side of the corners (`_alternating`) is held and x is beyond a corner, the polynomial is that before it: the
-    one that x belongs to when it is reflected there.
+    Where the side of the corners (`_alternating`) is held and x is beyond a corner, the polynomial is that before it:
+    the one that x belongs to when it is reflected there.
     """
     import casadi
 
