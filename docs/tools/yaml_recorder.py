@@ -99,6 +99,8 @@ def _named_by_user(fields: Fields, section: str, key: str) -> bool:
 
 def _section(fields: Fields) -> str | None:
     """The heading under which the keys of a mapping stand, None for mappings whose keys are joints or components."""
+    if fields.where.endswith(".json"):  # the matrices of a controller, which are keys of the scene too
+        return None
     path = re.sub(r"\[\d+\]", "[]", fields.path)
     if path.startswith("motions.") or ".parts[]" in path:
         return None if BY_JOINT.search(path) else f"motions: {fields._data['kind']}"
