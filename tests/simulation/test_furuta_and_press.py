@@ -29,10 +29,10 @@ def in_pieces(rate, functions, start, rows):
     while True:
         events = []
         for k, side in enumerate(sides):
-            events.append(lambda _, y, k=k: functions(y, sides)[k])
+            events.append(lambda _, y, k=k, sides=sides: functions(y, sides)[k])
             events[-1].terminal, events[-1].direction = True, -side
         out = solve_ivp(
-            lambda _, y: rate(y, sides), (t, rows[-1]), x, "DOP853", t_eval=[row for row in rows if row >= t],
+            lambda _, y, sides=sides: rate(y, sides), (t, rows[-1]), x, "DOP853", t_eval=[row for row in rows if row >= t],
             events=events, rtol=1e-13, atol=1e-14,
         )  # fmt: skip
         found |= dict(zip(out.t, np.transpose(out.y), strict=True)) if len(out.t) else {}
@@ -48,8 +48,8 @@ def in_pieces(rate, functions, start, rows):
 def test_the_furuta_pendulum_is_swung_up_and_held_as_its_equations_have_it():
     """Lagrange's equations of arm φ and rod θ (0: down), as B. S. Cazzolato and Z. Prime, J. Control Science and
     Engineering 2011, 528341, derive them: the inertias of a rod about its joint and along itself, and its coupling."""
-    r, l, m, axial = 0.085, 0.0645, 0.024, 1e-7
-    about = 3.3282e-5 + m * l * l
+    r, half, m, axial = 0.085, 0.0645, 0.024, 1e-7
+    about = 3.3282e-5 + m * half * half
     arm = 5.71979167e-5 + 0.095 * 0.0425**2 + m * r * r
     gain, top, pumping = [-0.0447214, 0.448885, -0.0195302, 0.0419023], 0.8, 5.0
 
@@ -70,10 +70,10 @@ def test_the_furuta_pendulum_is_swung_up_and_held_as_its_equations_have_it():
         u, limit = torque(x, sides)
         u = limit if sides[1] < 0 else -limit if sides[2] < 0 else u
         s, c = np.sin(theta), np.cos(theta)
-        mass = [[arm + about * s * s + axial * c * c, m * r * l * c], [m * r * l * c, about]]
+        mass = [[arm + about * s * s + axial * c * c, m * r * half * c], [m * r * half * c, about]]
         right = [
-            u - 0.0005 * dphi - 2 * (about - axial) * s * c * dtheta * dphi + m * r * l * s * dtheta**2,
-            (about - axial) * s * c * dphi**2 - m * G * l * s - 0.00005 * dtheta,
+            u - 0.0005 * dphi - 2 * (about - axial) * s * c * dtheta * dphi + m * r * half * s * dtheta**2,
+            (about - axial) * s * c * dphi**2 - m * G * half * s - 0.00005 * dtheta,
         ]
         return np.array([dphi, dtheta, *np.linalg.solve(mass, right)])
 
