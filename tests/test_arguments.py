@@ -317,7 +317,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
             "progress": print, "keep": "kept.npz", "keep_every": 5.0,
-            "sensitivities": [], "trust": [], **simulated}),
+            "sensitivities": [], "controller": None, "sample_time": None, "trust": [], **simulated}),
         "prepare": (bc.prepare, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none", "trust": [], **simulated}),

@@ -31,9 +31,10 @@ def in_pieces(rate, functions, start, rows):
         for k, side in enumerate(sides):
             events.append(lambda _, y, k=k, sides=sides: functions(y, sides)[k])
             events[-1].terminal, events[-1].direction = True, -side
+        later = [row for row in rows if row >= t]
         out = solve_ivp(
-            lambda _, y, sides=sides: rate(y, sides), (t, rows[-1]), x, "DOP853", t_eval=[row for row in rows if row >= t],
-            events=events, rtol=1e-13, atol=1e-14,
+            lambda _, y, sides=sides: rate(y, sides), (t, rows[-1]), x, "DOP853", t_eval=later, events=events,
+            rtol=1e-13, atol=1e-14,
         )  # fmt: skip
         found |= dict(zip(out.t, np.transpose(out.y), strict=True)) if len(out.t) else {}
         if out.status == 0:
