@@ -445,8 +445,16 @@ def test_every_function_of_formulas(flying_free_scene, name):
 
 def test_signs_and_extremes_of_formulas(flying_free_scene):
     scene, q, v, _ = flying_free_scene
-    formulas = {"sign(-t)": -1, "step(-t)": 0, "step(t)": 1, "max(1, t, 3, -2)": 3, "min(1, t, 3)": 0.7, "2**-1 + t**(1/2)": 0.5 + math.sqrt(0.7),
-                "-2**2": -4, "frame('base').x + frame('base').vz": 0.0}  # fmt: skip
+    formulas = {
+        "sign(-t)": -1,
+        "step(-t)": 0,
+        "step(t)": 1,
+        "max(1, t, 3, -2)": 3,
+        "min(1, t, 3)": 0.7,
+        "2**-1 + t**(1/2)": 0.5 + math.sqrt(0.7),
+        "-2**2": -4,
+        "frame('base').x + frame('base').vz": 0.0,
+    }
     for formula, expected in formulas.items():
         f = function(scene, parse_expression(formula, scene.robot, {}).value)
         assert f(0.7, q, v)[0] == pytest.approx(expected), formula
