@@ -101,10 +101,10 @@ def test_a_urdf_is_sized_over_a_motion_from_a_file(here, capsys):
 
 def test_what_a_reader_should_know_of_a_run_is_told_on_screen_and_at_the_top_of_its_page(here, capsys):
     (here / "far.yaml").write_text(ARM + "forces: [{kind: torque, joint: elbow, value: 300}]\n")
-    assert given("far.yaml") == 0
-    assert "note: joint 'elbow' leaves its range" in capsys.readouterr().out
+    assert given("far.yaml") == 1
+    assert "not known: joint 'elbow' leaves its range" in capsys.readouterr().out
     film = film_of(bc.simulate("far.yaml"))
-    assert [name for name, _ in film.facts[:2]] == ["ended", "note"]
+    assert [name for name, _ in film.facts[:2]] == ["ended", "not known"]
 
 
 def test_a_limit_that_is_exceeded_is_exit_1(here, capsys):

@@ -74,10 +74,10 @@ def test_options_change_how_it_is_integrated(arm, capsys):
 
 
 def test_set_changes_the_scene_and_the_file_remembers_it(arm):
-    changes = ["--set", "initial.shoulder=90 deg", "--set", "forces.1.coefficient=2", "--set", "simulate.rtol=1e-7"]
+    changes = ["--set", "initial.shoulder=-90 deg", "--set", "forces.1.coefficient=2", "--set", "simulate.rtol=1e-7"]
     assert main(["simulate", "arm.yaml", *changes, "--no-plots"]) == 0
     run = bc.load_run("arm_run/run.npz")
-    assert run.position[0, 0] == pytest.approx(np.pi / 2, abs=1e-15)
+    assert run.position[0, 0] == pytest.approx(-np.pi / 2, abs=1e-15)
     assert np.array_equal(run.joint("elbow").torque, -2.0 * run.joint("elbow").velocity)
     assert run.settings.rtol == 1e-7 and run.scene.data["forces"][0]["coefficient"] == 2
 

@@ -58,7 +58,9 @@ def test_a_run_ends_where_the_motion_of_a_drive_ends_moving(arm, tmp_path):
     )
     assert run.energy_drift() < 1e-8  # 0.4.0: the speed jumps to 0 at 2 s, and the energy of that is lost
     assert run.velocity_residual() < 1e-9
-    assert run.warnings == ("the run ended before its duration of 3 s: results are for the time before",)
+    early, range_ = run.warnings
+    assert early == "the run ended before its duration of 3 s: results are for the time before"
+    assert "'elbow' leaves its range" in range_
     assert run.acceleration[-1, 0] == pytest.approx(0.65, abs=1e-9)
 
 
@@ -133,7 +135,9 @@ def test_a_sweep_gives_the_reason_and_the_command_line_exits_with_1(arm, tmp_pat
     assert main(["simulate", str(file), "--out", str(out), "--no-plots"]) == 1
     assert "ends at 2 s while joint 'shoulder' still moves at 1.3 rad/s" in capsys.readouterr().out
     assert (out / "run.npz").exists() and (out / "run.csv").exists()
-    assert main(["simulate", str(file), "--out", str(out), "--no-plots", "--duration", "2"]) == 0
+    assert main(["simulate", str(file), "--out", str(out), "--no-plots", "--duration", "2"]) == 1
+    told = capsys.readouterr().out  # it finished; the elbow leaves its range
+    assert "finished at 2 s" in told and "ended at 2 s" not in told
 
 
 @pytest.mark.parametrize("kind", ["pd", "computed_torque"])

@@ -39,6 +39,7 @@ class TwoLink:
 
     name = "two link"
     file = None
+    notes = ()
 
     def __init__(self, viscous: float = 0.0, coulomb: float = 0.0, rotor: tuple[float, float] = (0.0, 0.0)) -> None:
         self.joints = (PlainJoint("shoulder", 0, 0), PlainJoint("elbow", 1, 1))

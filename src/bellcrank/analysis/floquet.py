@@ -25,8 +25,10 @@ from bellcrank.analysis.symmetries import symmetries_of
 from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint
 from bellcrank.errors import InputError
+from bellcrank.notes import Note, ranked
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
+from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
@@ -51,6 +53,7 @@ class FloquetModes:
         multipliers: Its eigenvalues (n,), largest first.
         error: The estimated error of each multiplier (n,).
         symmetries: The motions along which nothing changes.
+        notes: What the scene's files say and is not modelled.
 
     Example:
         >>> import bellcrank as bc
@@ -68,6 +71,7 @@ class FloquetModes:
     multipliers: Complex
     error: Array
     symmetries: tuple[str, ...]
+    notes: tuple[Note, ...] = ()
 
     @property
     def exponents(self) -> Complex:
@@ -111,7 +115,7 @@ class FloquetModes:
             lines.append(f"{shown:32}  {abs(value):<12.9g}  {error:.1g}")
         if self.symmetries:
             lines.append(f"symmetries (left out of the states): {'; '.join(self.symmetries)}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"{note.label}: {note}" for note in self.notes)])
 
     def to_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
@@ -137,6 +141,7 @@ class FloquetModes:
             "multipliers": [pair(x) for x in self.multipliers.tolist()],
             "errors": self.error.tolist(),
             "symmetries": list(self.symmetries),
+            "notes": [note.to_dict() for note in self.notes],
         }
 
 
@@ -227,6 +232,7 @@ class _Period:
             multipliers=np.asarray(values[order], dtype=np.complex128),
             error=error[order],
             symmetries=self.point.symmetries.names,
+            notes=ranked(file_notes(self.scene)),
         )
 
     def _check_return(self, first: tuple[LinearEquations, Array], last: tuple[LinearEquations, Array]) -> None:

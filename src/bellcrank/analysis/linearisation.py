@@ -14,6 +14,7 @@ from bellcrank.analysis.mode import Mode, pair
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.files.json_files import write_json
+from bellcrank.notes import Note
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -71,7 +72,7 @@ class Linearisation:
     symmetries: tuple[str, ...]
     symmetries_removed: bool
     residual: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
@@ -208,7 +209,7 @@ class Linearisation:
             "symmetries": list(self.symmetries),
             "symmetries_removed": self.symmetries_removed,
             "residual": self.residual,
-            "notes": list(self.notes),
+            "notes": [note.to_dict() for note in self.notes],
         }
 
     def to_json(self, path: str | Path) -> None:

@@ -22,6 +22,7 @@ from bellcrank.dynamics.start_stages import motors_of
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.notes import Note, ranked
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.scene_notes import file_notes
@@ -112,7 +113,7 @@ def _with_distance(linear: Linearisation, point: OperatingPoint, run: Trajectory
         return linear
     name = coordinate_names(scene.robot)[int(np.argmax(change))][0]
     note = f"the steady motion found is not near the start: most of all, the velocity of {name} differs"
-    return replace(linear, notes=(*linear.notes, note))
+    return replace(linear, notes=ranked((*linear.notes, note)))
 
 
 def linear_equations(point: OperatingPoint, joints: Sequence[RobotJoint], keep: bool | None) -> Linearisation:
@@ -136,7 +137,7 @@ def linear_equations(point: OperatingPoint, joints: Sequence[RobotJoint], keep: 
         varies = np.abs(c @ quotient.directions).max(axis=1, initial=0.0) > INVARIANT * np.abs(c).max(initial=0.0)
         if varies.any():
             gone = ", ".join(name for (name, _), out in zip(outputs, varies, strict=True) if out)
-            notes += (f"outputs that change along symmetries are left out: {gone}",)
+            notes += (Note(f"outputs that change along symmetries are left out: {gone}"),)
         fixed = np.flatnonzero(~varies)
         outputs, c, d = tuple(outputs[k] for k in fixed), c[fixed], d[fixed]
     reduce = removed and point.symmetries.count > 0
@@ -252,14 +253,16 @@ def _outputs(point: OperatingPoint, joints: Sequence[RobotJoint]) -> tuple[Names
     return titles, np.hstack([total("position"), total("velocity")]), total("torque")[:, columns]
 
 
-def _notes(scene: Scene) -> tuple[str, ...]:
+def _notes(scene: Scene) -> tuple[Note, ...]:
     """What a linear model does not tell of this scene."""
     rough = [force.name for force in scene.forces if isinstance(force, Friction) and force.coulomb]
-    told = file_notes(scene)
+    told = ranked(file_notes(scene))
     if scene.robot.coulomb.any() or rough:
         return (
             *told,
-            "Coulomb friction is smoothed within a small velocity; at rest its slope there is a large viscous "
-            "coefficient, and a joint may stay where it is although the linear equations say that it creeps",
+            Note(
+                "Coulomb friction is smoothed within a small velocity; at rest its slope there is a large viscous "
+                "coefficient, and a joint may stay where it is although the linear equations say that it creeps"
+            ),
         )
     return told

@@ -50,7 +50,7 @@ def mode_table(linear: Linearisation) -> str:
     if linear.symmetries:
         left = "left out of the states" if linear.symmetries_removed else "kept among the states"
         lines.append(f"symmetries ({left}): {'; '.join(linear.symmetries)}")
-    return "\n".join([*lines, *(f"note: {note}" for note in linear.notes)])
+    return "\n".join([*lines, *(f"{note.label}: {note}" for note in linear.notes)])
 
 
 def shown(values: Array) -> str:

@@ -21,6 +21,7 @@ from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value
+from bellcrank.notes import reached
 from bellcrank.text import file_name
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
         for number, name in enumerate(motions):
             print("" if number == 0 else "\n", end="")
             if arguments.scale is None:
-                _fastest(arguments, (config, name, limits, payloads, grid), folder, files)
+                status = max(status, _fastest(arguments, (config, name, limits, payloads, grid), folder, files))
             else:
                 status = max(status, _scaled(arguments, (config, name, limits, payloads), factor, (folder, files)))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
@@ -128,7 +129,7 @@ def _refuse_unused(arguments: argparse.Namespace) -> None:
         raise InputError("--repeat-limit is for the repetition of the motion; give --repeat pause or --repeat speed")
 
 
-def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
+def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> int:
     from bellcrank.motion.csv_file import write_motion
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.terminal.progress import counting
@@ -141,7 +142,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
         )  # fmt: skip
     print(found.table())
     for warning in found.warnings:
-        print(f"warning: {warning}")
+        print(f"{'not known' if reached([warning]) else 'warning'}: {warning}")
     stem = file_name(found.path)
     folder.mkdir(parents=True, exist_ok=True)
     write_motion(found.motion, folder / f"fastest_{stem}.csv")
@@ -157,6 +158,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
         files.append(write_page(film_of(found), folder / f"fastest_{stem}.html"))
     if arguments.repeat is not None:
         _repeated(arguments, (config, found.motion, payloads, stem), folder, files)
+    return 1 if reached(found.notes) else 0
 
 
 def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
@@ -174,7 +176,7 @@ def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Pat
     )
     print("\n" + cycle.table())
     for warning in cycle.warnings:
-        print(f"warning: {warning}")
+        print(f"{'not known' if reached([warning]) else 'warning'}: {warning}")
     write_motion(cycle.motion, folder / f"cycle_{stem}.csv")
     files += [folder / f"cycle_{stem}.csv", cycle.to_json(folder / f"cycle_{stem}.json")]
 
@@ -197,6 +199,8 @@ def _scaled(
         files.append(folder / f"scaled_{stem}.csv")
     if not arguments.no_plots:
         files.append(found.plot(folder / f"factor_{stem}.png"))
+    if reached(found.notes):
+        return 1
     if factor is None:
         return 0 if found.factor > 0.0 else 1
     if 1.0 <= factor <= found.factor:

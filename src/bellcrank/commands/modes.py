@@ -11,6 +11,7 @@ from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
+from bellcrank.notes import reached
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
             files.append(write_modes_page(scene, linear, folder / "modes.html", loci))
     print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
-    return 0 if linear.stable else 1
+    return 0 if linear.stable and not reached(linear.notes) else 1
 
 
 def _floquet(scene: Scene, period: float, at: float, folder: Path) -> int:
@@ -97,7 +98,7 @@ def _floquet(scene: Scene, period: float, at: float, folder: Path) -> int:
     print(found.table())
     write_json(folder / "modes.json", found.to_dict(), ascii_only=True)
     print(f"\nwrote modes.json in {folder}")
-    return 0 if found.stable else 1
+    return 0 if found.stable and not reached(found.notes) else 1
 
 
 def _operating_point(text: str | None) -> str | float | None:

@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     success, verdict = verdict_of(result)
     print(verdict)
     for name, text in (*film.facts, *(("note", note) for note in film.notes)):
-        if name in ("error", "warning", "note"):
+        if name in ("error", "warning", "not known", "note"):
             print(f"{name}: {text}")
     for path in ([page] if wanted else []) + files:
         print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")

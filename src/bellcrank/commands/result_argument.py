@@ -100,17 +100,17 @@ def _simulated(scene: Scene) -> Trajectory:
 
 
 def verdict_of(result: Trajectory | Sizing) -> tuple[bool, str]:
-    """Whether a run finished with finite numbers, or a sizing keeps all limits; and the sentence that says so."""
+    """Whether a run finished and is known, or a sizing keeps all limits; and the sentence that says so."""
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.tables import verdict
 
     if isinstance(result, Sizing):
         return result.inside, verdict(result)
-    return result.success and not result.non_finite, result.message
+    return result.success and not result.non_finite and not result.not_known, result.message
 
 
 def remarks_of(result: Trajectory | Sizing) -> list[tuple[str, str]]:
-    """Errors, warnings and notes about a run or a sizing: ("error", "warning" or "note", text)."""
+    """What is said about a run or a sizing: ("error", "warning", "not known" or "note", text)."""
     from bellcrank.sizing.result import Sizing
 
     if isinstance(result, Sizing):
@@ -119,4 +119,4 @@ def remarks_of(result: Trajectory | Sizing) -> list[tuple[str, str]]:
         return [(kinds.get(text, "note"), text) for text in result.warnings]
     from bellcrank.simulation.summary import run_facts
 
-    return [(name, text) for name, text in run_facts(result) if name in ("warning", "note")]
+    return [(name, text) for name, text in run_facts(result) if name in ("warning", "note", "not known")]

@@ -13,6 +13,7 @@ from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
+from bellcrank.notes import reached
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
@@ -170,10 +171,11 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
         f"\n{result.scene.name}: {len(result)} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
     )
     for note in result.notes:
-        print(f"note: {note}")
+        print(f"{note.label}: {note}")
     if result.space.sample is not None:
         print(f"sample: {result.space.sample.identity}")
         if result.space.sample.note:
             print(f"note: {result.space.sample.note}")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}{file_note(result)}")
-    return (0 if result.finished else 1) if result.complete else 130
+    known = result.finished and not reached(result.notes)
+    return (0 if known else 1) if result.complete else 130

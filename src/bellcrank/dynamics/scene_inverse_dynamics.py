@@ -18,6 +18,7 @@ from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
+from bellcrank.notes import Note, in_use, ranked
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
 
@@ -54,7 +55,7 @@ class SceneInverseDynamics:
     independent: tuple[str, ...]
     torque: Array
     multipliers: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def time(self) -> Array:
@@ -193,5 +194,6 @@ def scene_inverse_dynamics(
     whole, joints = mechanism.along(motion, independent)
     states = (force_times(whole.time, whole.time[-1]), whole.position, whole.velocity, whole.acceleration)
     torque, multipliers = mechanism.torques(*states)
-    notes = (*mechanism_notes(mechanism), *motion_notes(mechanism, whole))
+    said = in_use(scene.config.notes, None, bool(mechanism.robot.gravity.any()))
+    notes = ranked((*said, *mechanism_notes(mechanism), *motion_notes(mechanism, whole)))
     return SceneInverseDynamics(mechanism, whole, joints, torque, multipliers, notes)

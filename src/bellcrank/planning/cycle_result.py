@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from bellcrank.motion.motion import Motion
+from bellcrank.notes import WithNotes
 from bellcrank.planning.result_files import write_json
 
 By = Literal["pause", "speed"]
@@ -18,7 +19,7 @@ LIMITS = {"rms": "RMS torque", "temperature": "winding temperature"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RepeatedCycle:
+class RepeatedCycle(WithNotes):
     """A cycle that motors bear for ever.
 
     Attributes:
@@ -120,6 +121,7 @@ class RepeatedCycle:
             "original_uses": finite(self.original_uses),
             "uses": finite(self.uses),
             "warnings": list(self.warnings),
+            "notes": [note.to_dict() for note in self.notes],
         }
 
     def to_json(self, path: str | Path) -> Path:

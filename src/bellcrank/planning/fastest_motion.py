@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
+from bellcrank.notes import WithNotes
 from bellcrank.planning.result_files import write_json
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class LimitExcess:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FastestMotion:
+class FastestMotion(WithNotes):
     """The fastest motion of a mechanism along a path, from rest to rest.
 
     Attributes:
@@ -224,6 +225,7 @@ class FastestMotion:
                 for cost in self.costs
             ],
             "warnings": list(self.warnings),
+            "notes": [note.to_dict() for note in self.notes],
         }
 
     def to_json(self, path: str | Path) -> Path:

@@ -24,6 +24,7 @@ from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
+from bellcrank.notes import WithNotes
 from bellcrank.planning.factor_peaks import MOST, FactorFound, largest_factor_of
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import PathLimits
@@ -41,7 +42,7 @@ DRAWN = 121
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpeedFactor:
+class SpeedFactor(WithNotes):
     """By which factor a motion can be sped up.
 
     Attributes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,7 @@ def run_document(run: Trajectory) -> Document:
     against, notes = (*_non_finite(run), *run.warnings), run_notes(run)
     warnings = (*against, *run.robot.inertia_warnings)
     more = len(notes) - NOTES
-    facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note"))
+    facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note", "not known"))
     parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_constraints(run), _end(run)]
     inputs = (*robot_facts(run.robot), *scene_facts(run))
     parts += [Facts("Robot and scene", inputs), joint_table(run.robot)]
@@ -50,7 +51,7 @@ def run_document(run: Trajectory) -> Document:
         parts.append(Picture(title, svg_of(figure)))
     return Document(
         title=run.scene.name,
-        status="Warnings" if against else "OK" if run.known_until is not None else "Error not estimated",
+        status=_status(run, against),
         success=not against,
         verdict=_verdict(run, against),
         about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
@@ -69,6 +70,12 @@ def _non_finite(run: Trajectory) -> list[str]:
     """A warning where the run contains values that are not finite, which residuals do not show."""
     bad = ~np.isfinite(run.state).all(axis=1)
     return [f"from {run.time[bad.argmax()]:.6g} s on the run contains values that are not finite"] if bad.any() else []
+
+
+def _status(run: Trajectory, against: Collection[str]) -> str:
+    if against:
+        return "Not known" if {*against} <= {*run.not_known} else "Warnings"
+    return "OK" if run.known_until is not None else "Error not estimated"
 
 
 def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:

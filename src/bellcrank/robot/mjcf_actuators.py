@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint, active_range
 from bellcrank.robot.mjcf_names import Names, listed
@@ -42,7 +43,8 @@ def read_motors(elements: Sequence[MjcfElement], joints: Mapping[str, MjcfJoint]
     motors: list[JointMotor] = []
     added: tuple[dict[str, float], dict[str, float]] = (defaultdict(float), defaultdict(float))
     elsewhere: list[str] = []
-    controlled: list[str] = []
+    acting = False  # one of them, without an input
+    controlled: dict[str, str] = {}  # its joint
     names = Names([element.name for element in elements])
     for element in elements:
         name = element.name or names.new(element.tag)
@@ -50,18 +52,21 @@ def read_motors(elements: Sequence[MjcfElement], joints: Mapping[str, MjcfJoint]
         if joint is None or joint.kind not in MOVING:
             where = next((key for key in PLACES if key in element.attributes), "nothing")
             elsewhere.append(f"{name}: {where if joint is None else f'{joint.kind} joint'}")
+            acting = acting or element.tag in CONTROLLED or _is_controlled(element)
             continue
         if element.tag in CONTROLLED or _is_controlled(element):
-            controlled.append(name)
+            controlled[name] = joint.name
         gear = (element.numbers("gear", 1, 6) or (1.0,))[0]
         for sums, key in zip(added, ("armature", "damping"), strict=True):
             sums[joint.name] += gear * gear * (element.numbers(key, 1, 3) or (0.0,))[0]
         motors.append(JointMotor(name=name, joint=joint.name, gear=gear, effort=_effort(element, gear, autolimits)))
     notes = []
     if elsewhere:
-        notes.append(f"actuators that do not act on a hinge or slide joint are not modelled ({listed(elsewhere)}).")
+        text = f"actuators that do not act on a hinge or slide joint are not modelled ({listed(elsewhere)})."
+        notes.append(Note(text, "changes", "force" if acting else ""))
     if controlled:
-        notes.append(f"actuators with a control or dynamics of their own are motors without it ({listed(controlled)}).")
+        text = f"actuators with a control or dynamics of their own are motors without it ({listed([*controlled])})."
+        notes.append(Note(text, "changes", "servo", dict.fromkeys(controlled.values())))
     return Motors(tuple(motors), *added, tuple(notes))
 
 

@@ -13,6 +13,7 @@ from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note
 from bellcrank.robot.mjcf_bodies import WORLD, Body
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
@@ -49,7 +50,8 @@ class EqualityReader:
             ends = [element.attributes[key] for key in SIDES if key in element.attributes]
             name = element.name or names.new("_".join([element.tag, *ends]))
             if element.tag not in READ or not self._is_linear(element):
-                notes.append(f"line {element.line}: the constraint <{element.tag}> {UNMODELLED}.")
+                text = f"line {element.line}: the constraint <{element.tag}> {UNMODELLED}."
+                notes.append(Note(text, "changes", "loop"))
             elif not element.flag("active", True):
                 notes.append(f"line {element.line}: the <{element.tag}> '{name}' is inactive and left out.")
             elif element.tag == "joint":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from bellcrank.notes import Note, Omission
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_meshes import Meshes
@@ -37,6 +38,7 @@ KNOWN: Final = {  # attributes that are used, or of which a sentence below speak
 FLAGS: Final = ("gravity", "equality", "spring", "damper", "passive", "frictionloss")  # that are obeyed where disabled
 QUIET: Final = ("visual", "statistic", "size", "custom", "extension", "sensor", "contact")
 IN_BODIES: Final = ("light", "camera", "plugin")
+TENDON_FORCES: Final = frozenset(("stiffness", "damping", "frictionloss", "limited", "range", "class"))
 FLUID: Final = ("density", "viscosity", "wind", "magnetic")
 
 
@@ -57,36 +59,40 @@ def _contacts(bodies: Sequence[Body]) -> Iterator[str]:
     shapes = [shape for body in bodies for shape in body.shapes]
     count = sum(shape.collides for shape in shapes)
     if count:
-        yield f"contacts are not modelled: {count} of {len(shapes)} shapes may collide in MuJoCo."
+        yield Note(f"contacts are not modelled: {count} of {len(shapes)} shapes may collide in MuJoCo.", "changes")
 
 
 def _joints(bodies: Sequence[Body]) -> Iterator[str]:
     joints = [joint for body in bodies for joint in body.joints]
     several = [joint for joint in joints if joint.kind in ("ball", "free")]
     free = [joint for joint in several if joint.kind == "free"]
+    force: Omission = "force"
+    nothing: Omission = ""
     unused = {
-        "the stiffness of free joints is not used": [j for j in free if j.stiffness[0]],
-        "damping, friction and armature of free joints are not used": [
-            j for j in free if j.damping[0] or j.friction or j.armature
-        ],
-        "the range of ball joints is not used": [j for j in several if j.range is not None],
-        "of stiffness and damping only the first, linear coefficient is used": [
-            j for j in joints if any((*j.stiffness[1:], *j.damping[1:]))
-        ],
-        "springyield is not used": [j for j in joints if "springyield" in j.element.attributes],
-    }
-    for sentence, found in unused.items():
+        "the stiffness of free joints is not used": (force, [j for j in free if j.stiffness[0]]),
+        "damping, friction and armature of free joints are not used": (
+            force, [j for j in free if j.damping[0] or j.friction or j.armature],
+        ),
+        "the range of ball joints is not used": (nothing, [j for j in several if j.range is not None]),
+        "of stiffness and damping only the first, linear coefficient is used": (
+            force, [j for j in joints if any((*j.stiffness[1:], *j.damping[1:]))],
+        ),
+        "springyield is not used": (force, [j for j in joints if "springyield" in j.element.attributes]),
+    }  # fmt: skip
+    for sentence, (omits, found) in unused.items():
         if found:
-            yield f"{sentence} ({listed([joint.name for joint in found])})."
+            yield Note(f"{sentence} ({listed([joint.name for joint in found])}).", "changes", omits)
 
 
 def _bodies(bodies: Sequence[Body]) -> Iterator[str]:
     buoyant = [body.name for body in bodies[1:] if body.element.number("gravcomp", 0.0)]
     if buoyant:
-        yield f"gravcomp is not used: the bodies have their full weight ({listed(buoyant)})."
+        text = f"gravcomp is not used: the bodies have their full weight ({listed(buoyant)})."
+        yield Note(text, "changes", "gravity")
     unknown = [body.name for body in bodies if body.has_unknown_mass]
     if unknown:
-        yield f"the mass of still bodies is unknown and left out, as a mesh file is missing ({listed(unknown)})."
+        text = f"the mass of still bodies is unknown and left out, as a mesh file is missing ({listed(unknown)})."
+        yield Note(text, "changes")
     held = [body.name for body in bodies[1:] if body.element.flag("mocap", False)]
     if held:
         yield f"mocap bodies stand still ({listed(held)})."
@@ -99,31 +105,41 @@ def _sections(root: MjcfElement) -> Iterator[str]:
     if quiet:
         yield f"not used: {', '.join(f'<{tag}>' for tag in quiet)}."
     for tag, what in (("tendon", "tendons"), ("deformable", "deformable bodies")):
-        count = sum(len(section.children) for section in root.find_all(tag))
-        if count:
-            yield f"{count} {what} are not modelled, nor are their springs, damping and limits."
+        found_here = [element for section in root.find_all(tag) for element in section.children]
+        if found_here:
+            acts = tag == "deformable" or any(map(_acts, found_here))
+            text = f"{len(found_here)} {what} are not modelled, nor are their springs, damping and limits."
+            yield Note(text, "changes", "force" if acts else "")
     if any(section.children for section in root.find_all("equality")):
         yield "closed loops and couplings are exact: MuJoCo's softness (solref, solimp) is not used."
     known = {*KNOWN, *QUIET, *_TAKEN}
     for element in root.children:
         if element.tag not in known:
-            yield f"line {element.line}: <{element.tag[:40]}> is not known and not used."
+            yield Note(f"line {element.line}: <{element.tag[:40]}> is not known and not used.", "changes")
 
 
 _TAKEN: Final = ("worldbody", "asset", "option", "default", "equality", "actuator", "keyframe", "tendon", "deformable")
+
+
+def _acts(tendon: MjcfElement) -> bool:
+    """Whether a tendon may exert a force without an actuator."""
+    given = [value for key, value in tendon.attributes.items() if key in TENDON_FORCES]
+    return any(value.strip().lower() != "false" and value.replace("0", "").strip(" .") for value in given)
 
 
 def _options(root: MjcfElement) -> Iterator[str]:
     options = list(root.find_all("option"))
     fluid = [key for option in options for key in FLUID[:3] if any(option.numbers(key, 1, 3) or ())]
     if fluid:
-        yield f"forces of a fluid are not modelled ({', '.join(fluid)} of <option>)."
+        moving = any(any(option.numbers(key, 1, 3) or ()) for option in options for key in FLUID[:2])
+        text = f"forces of a fluid are not modelled ({', '.join(fluid)} of <option>)."
+        yield Note(text, "changes", "force" if moving else "")  # wind acts where there is a fluid
     solver = sorted({key for option in options for key in option.attributes} - {"gravity", *FLUID})
     if solver:
         yield f"MuJoCo's solver settings are not used ({', '.join(solver)})."
     flags = [key for o in options for f in o.find_all("flag") for key in f.attributes if key not in FLAGS]
     if flags:
-        yield f"flags of <option> are not used ({', '.join(flags)})."
+        yield Note(f"flags of <option> are not used ({', '.join(flags)}).", "changes")
 
 
 def _attributes(root: MjcfElement) -> Iterator[str]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from scipy.spatial.transform import Rotation
 
+from bellcrank.notes import Note
 from bellcrank.robot.mjcf_bodies import Body
 from bellcrank.robot.mjcf_element import MjcfElement
 from bellcrank.robot.mjcf_placement import Array
@@ -36,7 +37,8 @@ def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, list[str
     title = f"the keyframe '{chosen.name}'" if chosen.name else "the first keyframe"
     notes = [f"line {chosen.line}: the start is {title}."]
     if any(chosen.numbers("qvel", 1, count) or ()):
-        notes.append(f"line {chosen.line}: the velocities (qvel) of {title} are not used; the start is at rest.")
+        text = f"line {chosen.line}: the velocities (qvel) of {title} are not used; the start is at rest."
+        notes.append(Note(text, "changes"))
     return start, notes
 
 

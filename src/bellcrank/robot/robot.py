@@ -14,6 +14,7 @@ from bellcrank._step import SampleCall
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
+from bellcrank.notes import Note, as_note
 from bellcrank.robot.compiled_robot import NO_PARAMETERS
 from bellcrank.robot.joints import RobotJoint
 from bellcrank.robot.payload import Payload
@@ -62,6 +63,17 @@ class Robot(RobotDerivatives):
         >>> robot.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [0.0, 0.0]).shape
         (2,)
     """
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What the robot's file says and is not modelled.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_robot("planar_2r").notes
+            ()
+        """
+        return tuple(map(as_note, self.file.notes))
 
     # ---- torques and accelerations
 

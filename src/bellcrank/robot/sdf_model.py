@@ -12,6 +12,7 @@ import numpy as np
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.notes import Note
 from bellcrank.robot.sdf_joints import SdfJoint, joint_axes, joint_type, pitch_of
 from bellcrank.robot.sdf_poses import MODEL, WORLD, Fail, Frame, Frames, numbers, read_pose, text_of
 from bellcrank.robot.urdf_elements import Vector3
@@ -158,7 +159,8 @@ class SdfModels:
         self.links.append(SdfLink(full, link, static, self._files[-1].parent))
         self._count_unused(link)
         if text_of(link, "gravity").lower() in ("false", "0"):
-            self._notes.append(f"link '{full}': gravity acts on it; <gravity>false</gravity> is not modelled.")
+            text = f"link '{full}': gravity acts on it; <gravity>false</gravity> is not modelled."
+            self._notes.append(Note(text, "changes", "gravity"))
             self._unused["gravity"] -= 1
             self._unused += Counter()
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.notes import Note
 from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, inverse, roll_pitch_yaw, vector
 from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointSpring, LoopKind, RobotFile
@@ -207,7 +208,8 @@ class _Builder:
             if value
         ]  # fmt: skip
         if unused:
-            self.notes.append(f"joint '{joint.name}' closes a loop; its {', '.join(unused)} are not modelled.")
+            text = f"joint '{joint.name}' closes a loop; its {', '.join(unused)} are not modelled."
+            self.notes.append(Note(text, "changes", "" if unused == ["limits"] else "force"))
         a, b = (self._side(link, joint) for link in (edge.second, edge.first))
         first, *second = [self._direction(joint, k) for k in range(len(joint.axes))] or [(0.0, 0.0, 1.0)]
         name, kind = joint.name.replace(".", "_"), LOOPS[joint.type]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from functools import lru_cache
 
+from bellcrank.notes import Note
 from bellcrank.robot.urdf_extensions import BALL, SPRING
 from bellcrank.robot.urdf_loops import TAGS
 from bellcrank.robot.xml_tree import Element
@@ -85,7 +86,8 @@ def _close(name: str, known: tuple[str, ...]) -> str:
 
 def _note(found: list[str], others: dict[str, tuple[int, int]], element: Element, what: str, meant: str) -> None:
     if meant and len(found) < MOST_MISSPELT:
-        found.append(f"line {element.line}: {what} is not known and not used; was {meant} meant?")
+        text = f"line {element.line}: {what} is not known and not used; was {meant} meant?"
+        found.append(Note(text, "changes"))
         return
     count, line = others.get(what, (0, element.line))
     others[what] = (count + 1, line)

@@ -19,7 +19,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -33,10 +33,11 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.messages import unknown_name
+from bellcrank.messages import format_value, unknown_name
 from bellcrank.motion.duty_program import DutyStep, duty_from_fields
 from bellcrank.motion.entry_kinds import check_references, read_motion_entry
 from bellcrank.motion.motion_entry import MotionEntry
+from bellcrank.notes import MATTERS, OMISSIONS, Matter, Note, Omission
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file, xacro_values
@@ -86,7 +87,7 @@ class RobotConfig:
         mounts: Where actuators are mounted, by joint or motor, where that is not the joint's parent link.
         duty: The order of motions and pauses in a cycle; empty: each motion repeats by itself.
         rotor_inertia: Rotor inertia by joint, reflected to the joint, kg m² or kg; the actuators' figures replace it.
-        notes: Sentences that every result lists among its notes.
+        notes: What every result lists among its notes, and how it matters.
         file: The contents of the robot file; None: it is read when the robot is loaded.
         access: The rule which files the configuration may name.
         overrides: The values that sizing or a selection changed in the file, by dotted path.
@@ -115,7 +116,7 @@ class RobotConfig:
     mounts: Mapping[str, Mount] = field(default_factory=dict)
     duty: tuple[DutyStep, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     file: RobotFile | None = field(default=None, repr=False, compare=False)
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -302,15 +303,45 @@ def _config(data: Mapping[str, Any], path: Path, access: FileAccess) -> RobotCon
     return replace(config, file=file)
 
 
+def _names(fields: Fields, key: str) -> tuple[str, ...]:
+    """A list of names, empty where there is none. Raises InputError."""
+    given = fields.raw(key, ())
+    if not isinstance(given, (list, tuple)) or not all(isinstance(name, str) for name in given):
+        raise fields.error(key, f"expected a list of names, found {format_value(given)}")
+    return tuple(given)
+
+
+def _notes(fields: Fields) -> tuple[Note, ...]:
+    """Sentences, which are information, and mappings with how a note matters. Raises InputError."""
+    given = fields.raw("notes", ())
+    if not isinstance(given, (list, tuple)):
+        raise fields.error("notes", "expected a list of sentences")
+    found = []
+    for k, entry in enumerate(given):
+        if isinstance(entry, str):
+            found.append(Note(entry))
+            continue
+        if not isinstance(entry, Mapping):
+            raise fields.error("notes", f"expected sentences, found {format_value(entry)}")
+        own = Fields(entry, fields.where, f"notes[{k + 1}]", fields.access)
+        note = Note(
+            own.text("text"),
+            cast(Matter, own.choice("matter", MATTERS, "information")),
+            cast(Omission, own.choice("omits", OMISSIONS, "")),
+            _names(own, "joints"),
+            own.text("file") if "file" in own else "",
+        )
+        own.done()
+        found.append(note)
+    return tuple(found)
+
+
 def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
     """Read the configuration from the keys of a file. The caller reads or refuses all other keys. Raises InputError."""
     name = fields.text("name", readable(path.stem))
     urdf = robot_path(fields)
     fields.choice("robot_file", CHOICES, "all")
     xacro_values(fields)
-    notes = fields.raw("notes", ())
-    if not isinstance(notes, (list, tuple)) or not all(isinstance(note, str) for note in notes):
-        raise fields.error("notes", "expected a list of sentences")
     rotors = fields.mapping("rotor_inertia", {})
     gravity = fields.vector("gravity", 3, "m/s^2", (0.0, 0.0, -9.81))
     floating = fields.flag("floating_base", False)
@@ -357,7 +388,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         mounts=mounts_from_fields(fields.mapping("mounts", {})),
         duty=duty,
         rotor_inertia={joint: rotors.number(joint, "kg m^2", nonnegative=True) for joint in rotors},
-        notes=tuple(notes),
+        notes=_notes(fields),
         access=robot_access(fields, urdf),
     )
 

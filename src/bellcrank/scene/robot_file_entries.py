@@ -15,6 +15,7 @@ from typing import Any, Final
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.notes import as_note
 from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import with_joint_types
 from bellcrank.robot.load import xacro_text
@@ -115,7 +116,7 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
         "rotor_inertia": dict(file.rotor_inertia),
         "initial": _start(file),
         "gravity": None if file.gravity is None else list(file.gravity),
-        "notes": list(file.notes),
+        "notes": [as_note(note).updated(where=file.source.name).data() for note in file.notes],
     }
     return {key: value for key, value in found.items() if value}
 

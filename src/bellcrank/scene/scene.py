@@ -35,6 +35,7 @@ from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.held_inputs import HeldSource
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.parameters import Parameter, read_parameters
 from bellcrank.elements.sampled_controllers import StateSpace
@@ -42,6 +43,7 @@ from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
 from bellcrank.motion.entry_kinds import csv_texts
+from bellcrank.notes import Note, in_use
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
@@ -281,6 +283,22 @@ class Scene(Portable):
         return (*self.forces, *self.control, *self.constraints)
 
     # ---- signals
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What the scene's files say and is not modelled, and their own notes.
+
+        What is not modelled is reached where it acts: forces, loops, and servos of joints that neither the scene's
+        control nor a prescribed motion drives.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_scene("pendulum").notes
+            ()
+        """
+        driven = {joint.name for part in self.control for joint in part.joints}
+        driven |= {part.joint.name for part in self.constraints if isinstance(part, PrescribedMotion)}
+        return in_use(self.config.notes, driven, bool(self.robot.gravity.any()))
 
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:

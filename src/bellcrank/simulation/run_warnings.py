@@ -9,6 +9,7 @@ import numpy as np
 
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
+from bellcrank.notes import Note
 from bellcrank.simulation.error_estimate import DRIFTED, departure
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def _missed_events(run: Trajectory) -> list[str]:
     ]
 
 
-def run_notes(run: Trajectory) -> tuple[str, ...]:
+def run_notes(run: Trajectory) -> tuple[Note, ...]:
     """A sentence for each joint that starts within its range in the URDF and leaves it."""
     notes = []
     for j in run.robot.joints:
@@ -193,8 +194,10 @@ def run_notes(run: Trajectory) -> tuple[str, ...]:
             continue
         unit = "m" if j.kind == "prismatic" else "rad"
         far = q[np.argmax(np.maximum(q - upper, lower - q))]
-        notes.append(
-            f"joint '{j.name}' leaves its range at {run.time[outside.argmax()]:.4g} s: it reaches {far:.6g} {unit}, "
-            f"the URDF allows {lower:.6g} to {upper:.6g} {unit}; joint limits are not enforced"
+        time = float(run.time[outside.argmax()])
+        text = (
+            f"joint '{j.name}' leaves its range at {time:.4g} s: it reaches {far:.6g} {unit}, the URDF allows "
+            f"{lower:.6g} to {upper:.6g} {unit}; joint limits are not enforced"
         )
+        notes.append(Note(text, "reached", time=time))
     return tuple(notes)

@@ -22,6 +22,7 @@ from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.motion.limit_notes import FAR_OUT, MOST_TURNED
+from bellcrank.notes import Note
 
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
@@ -33,30 +34,24 @@ MOVING = 1e-4  # of a motion's largest speed: slower counts as at rest
 OVERSHOOT = 3.0  # times the range of a table's values: so far a cubic spline may overshoot without a note
 
 
-def scene_notes(scene: Scene, duration: float | None = None) -> tuple[str, ...]:
+def scene_notes(scene: Scene, duration: float | None = None) -> tuple[Note, ...]:
     """The notes on a scene that is simulated for a duration (s), by default its own.
 
     They take the scene's motions, and compile its event functions.
     """
     duration = scene.settings.duration if duration is None else duration
-    return (
-        *_rows(scene),
-        *_branch(scene),
-        *_start(scene),
-        *_saved(scene),
-        *_limits(scene),
-        *_targets(scene),
-        *_signals(scene, duration),
-        *_paths(scene),
-        *_drives(scene, duration),
-        *_events(scene),
-        *file_notes(scene),
-    )
+    changes = (*_rows(scene), *_branch(scene), *_saved(scene), *_events(scene))
+    information = (
+        *_limits(scene), *_targets(scene), *_signals(scene, duration), *_paths(scene), *_drives(scene, duration)
+    )  # fmt: skip
+    found = [Note(text, "reached", time=scene.initial.clock) for text in _start(scene)]
+    found += [Note(text, "changes") for text in changes]
+    return (*found, *map(Note, information), *file_notes(scene))
 
 
-def file_notes(scene: Scene) -> tuple[str, ...]:
+def file_notes(scene: Scene) -> tuple[Note, ...]:
     """The notes on a scene whatever its start and duration: what its files say and is not modelled, and its motors."""
-    return (*_coupled_motors(scene), *_all_driven(scene), *scene.config.notes)
+    return (*map(Note, (*_coupled_motors(scene), *_all_driven(scene))), *scene.notes)
 
 
 def _rows(scene: Scene) -> Iterator[str]:

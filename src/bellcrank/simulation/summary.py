@@ -92,12 +92,13 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
-    leaving = run_notes(run)
-    rows += [("note", text) for text in leaving[:LEAVING]]
+    leaving, against = run_notes(run), {*run.not_known}
+    rows += [("not known", text) for text in leaving[:LEAVING]]
     if len(leaving) > LEAVING:
         rows.append(("", f"… and {_count(len(leaving) - LEAVING, 'more joint')} that leave their range"))
-    rows += [("note", text) for text in run.notes[len(leaving) :]]
-    return rows + [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings)]
+    rows += [("not known", text) for text in run.not_known if text not in leaving]
+    rows += [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings) if text not in against]
+    return rows + [("note", text) for text in run.notes if text not in against]
 
 
 def _switches(cost: Statistics) -> list[tuple[str, str]]:

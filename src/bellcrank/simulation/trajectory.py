@@ -18,6 +18,7 @@ from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import system_of
 from bellcrank.errors import InputError
+from bellcrank.notes import Note, ranked, reached
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.events import Event
 from bellcrank.simulation.state_history import StateHistory
@@ -321,8 +322,10 @@ class Trajectory(StateHistory):
         return non_finite(self)
 
     @cached_property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         """What to know about the run: what its files say and is not modelled, what was changed, what it reached.
+
+        Those that are reached come first: the run depends on what is left out, and is not known.
 
         Example:
             >>> import bellcrank as bc
@@ -332,20 +335,33 @@ class Trajectory(StateHistory):
         from bellcrank.simulation.run_warnings import run_notes
         from bellcrank.simulation.scene_notes import scene_notes
 
-        return (*run_notes(self), *scene_notes(self.scene, self.settings.duration))
+        return ranked((*run_notes(self), *scene_notes(self.scene, self.settings.duration)))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons not to trust the run, a sentence each: it ended early, a residual is large, or it is not known.
+
+        It is not known where its error estimate is too large, or where it depends on what is left out (`notes`).
 
         Example:
             >>> import bellcrank as bc
             >>> bc.simulate("pendulum", duration=1.0).warnings
             ()
         """
+        return (*self._own_warnings, *self.not_known)
+
+    @property
+    def not_known(self) -> tuple[str, ...]:
+        """Why the run is not known, a sentence each: its error is too large, or it depends on what is left out.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).not_known
+            ()
+        """
         from bellcrank.simulation.run_warnings import not_known
 
-        return (*self._own_warnings, *not_known(self))
+        return (*not_known(self), *reached(self.notes))
 
     @cached_property
     def _own_warnings(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.files import json_files
 from bellcrank.messages import unknown_name
+from bellcrank.notes import WithNotes
 from bellcrank.sizing.axis_conditions import check_momentary_loads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.criteria import TOLERANCE
@@ -86,7 +87,7 @@ class DriveVerdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveVerdicts:
+class DriveVerdicts(WithNotes):
     """The verdicts on the motors and gears of a robot, made by `bellcrank.judge`.
 
     `print` shows every criterion of each, and the verdict.
@@ -98,7 +99,8 @@ class DriveVerdicts:
         cycles: Names of the cycles along which they are judged.
         axes_without: Names of the axes that have no actuator.
         warnings: Sentences about what to look at.
-        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine, and a `Note`
+            on each force and loop of the robot's file that is not modelled.
     """
 
     drives: tuple[DriveVerdict, ...]
@@ -181,6 +183,7 @@ class DriveVerdicts:
             "system": [one.as_dict() for one in self.system],
             "axes_without_actuator": list(self.axes_without),
             "warnings": list(self.warnings),
+            "notes": [note.to_dict() for note in self.notes],
             **({"undetermined": list(self.undetermined)} if self.undetermined else {}),
         }
 

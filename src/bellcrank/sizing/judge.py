@@ -12,6 +12,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
+from bellcrank.notes import reached
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
@@ -92,7 +93,7 @@ def judge(
         conditions=(Conditions() if config is None else config.conditions).updated(stated),
         mass_tolerance=tolerance,
     )
-    notes = [] if config is None else [*config.notes, *override_notes(config)]
+    notes = [*subject.file_notes, *([] if config is None else override_notes(config))]
     notes += subject.duty_notes
     notes += [*subject.mechanism.robot.findings, *subject.mechanism.robot.inertia_warnings, *massless]
     notes += motion_warnings(subject.mechanism, subject.motions)
@@ -101,5 +102,8 @@ def judge(
         found,
         robot=name,
         warnings=tuple(dict.fromkeys([*notes, *found.warnings])),
-        undetermined=undetermined_peaks(subject.mechanism, subject.motions, drives),
+        undetermined=(
+            *undetermined_peaks(subject.mechanism, subject.motions, drives),
+            *reached(subject.file_notes),
+        ),
     )

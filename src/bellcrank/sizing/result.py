@@ -14,6 +14,7 @@ from bellcrank.dynamics.mechanism import AppliedForce
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
+from bellcrank.notes import WithNotes
 from bellcrank.sizing.joint_sizing import JointSizing, Peak
 from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
@@ -38,7 +39,7 @@ class SizingInputs(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sizing(Portable):
+class Sizing(Portable, WithNotes):
     """The sizing of a robot over its motions, made by `bellcrank.size`.
 
     `print` shows its tables and the verdict; a notebook shows them as HTML tables.
@@ -64,7 +65,8 @@ class Sizing(Portable):
         structure: The largest force and moment in each constraint and joint without a motor of a closed linkage, such
             as those at the ends of rods.
         undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine: another
-            sampling changes them by more than 2 %, and the verdict is not known.
+            sampling changes them by more than 2 %; and a `Note` on each force and loop of the robot's file that is not
+            modelled. With either, the verdict is not known.
         system: The criteria of all axes together, supply power and regenerated energy; none unless every motor is given
             by an actuator, and a limit of theirs or the motors' own figures are stated.
 

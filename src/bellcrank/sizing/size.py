@@ -11,6 +11,7 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.files.access import Trust
+from bellcrank.notes import reached
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.mechanism_sizing import size_mechanism
@@ -71,8 +72,14 @@ def size(
     links = arguments.several("allow_massless", allow_massless, str, "names of links", alone=True)
     given = None if actuators is None else checked_actuators(actuators)
     subject = sizing_subject(robot, motions, payloads, trust, given, overrides)
+    omitted = reached(subject.file_notes)
     if subject.config is None:
-        return size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
+        sizing = size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
+        return replace(
+            sizing,
+            warnings=(*subject.notes, *sizing.warnings),
+            undetermined=(*sizing.undetermined, *omitted),
+        )
     config = subject.config
     sizing = size_mechanism(
         subject.mechanism,
@@ -86,7 +93,7 @@ def size(
         conditions=config.conditions,
     )
     warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
-    return replace(sizing, robot=config.name, warnings=warnings)
+    return replace(sizing, robot=config.name, warnings=warnings, undetermined=(*sizing.undetermined, *omitted))
 
 
 def _transmission_notes(config: RobotConfig) -> list[str]:

@@ -157,6 +157,7 @@ def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
         "urdf_errors": list(sizing.urdf_errors),
         "joints_allowed_without_mass": list(sizing.allowed_massless),
         "warnings": list(sizing.warnings),
+        "notes": [note.to_dict() for note in sizing.notes],
         "units": {
             "gravity": "m/s^2, in the world",
             "mass": "kg",

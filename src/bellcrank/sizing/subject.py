@@ -16,6 +16,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
+from bellcrank.notes import Note, in_use
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.overrides import EXPECTED_OVERRIDES
@@ -60,16 +61,23 @@ class SizingSubject(NamedTuple):
         return (DUTY_NOT_USED,) if self.config is not None and self.config.duty and not self.all_motions else ()
 
     @property
+    def file_notes(self) -> tuple[Note, ...]:
+        """What the robot's file says and is not modelled; reached where it acts along the motions."""
+        robot = self.mechanism.robot
+        said = robot.notes if self.config is None else self.config.notes
+        return in_use(said, None, bool(robot.gravity.any()))  # the motions are those of the servos
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the configuration: its own notes, what was changed, and what only selection uses."""
         config = self.config
         if config is None:
-            return ()
+            return self.file_notes
         duty = (
             "loads are those of each motion as a cycle; the motors and gears are judged along the duty program of the "
             "configuration"
         )
-        return (*config.notes, *override_notes(config), *([duty] if self.duty else self.duty_notes))
+        return (*self.file_notes, *override_notes(config), *([duty] if self.duty else self.duty_notes))
 
 
 def override_notes(config: RobotConfig) -> list[str]:

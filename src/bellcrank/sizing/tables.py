@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 
+from bellcrank.notes import Note
 from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
@@ -60,6 +62,17 @@ def sizing_html(sizing: Sizing) -> str:
     return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
 
 
+def not_known(texts: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """What is not known, by its reason: what a robot's file says and is not modelled, and the rows of motions."""
+    omitted: list[str] = [text for text in texts if isinstance(text, Note)]
+    peaks = [text for text in texts if not isinstance(text, Note)]
+    titles = (
+        ("Not known: what the robot's file says, acts along the motions, and is not modelled", omitted),
+        ("Not known: peaks that the rows of a motion do not determine", peaks),
+    )
+    return [(title, found) for title, found in titles if found]
+
+
 def verdict(sizing: Sizing) -> str:
     """What cannot be sized, which limits are exceeded or that none is, errors of the URDF, and what was allowed."""
     lines = []
@@ -73,8 +86,8 @@ def verdict(sizing: Sizing) -> str:
         lines.append(f"Not verified: {motors} may be far too weak or too slow")
         lines += [f"  - {text}" for text in sizing.not_verified]
     if sizing.undetermined:
-        lines.append("Not known: peaks that the rows of a motion do not determine")
-        lines += [f"  - {text}" for text in sizing.undetermined]
+        for title, texts in not_known(sizing.undetermined):
+            lines += [title, *(f"  - {text}" for text in texts)]
     if sizing.inside:
         lines.append(_kept(sizing))
     if sizing.unknown:

@@ -15,6 +15,7 @@ from bellcrank.codegen import cache as disk
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.stretching import stretched
+from bellcrank.notes import Note, in_use, ranked, reached
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing, SizingInputs
@@ -91,14 +92,19 @@ class SizingRunner(Portable):
         return NOISE, NOISE
 
     @property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Note, ...]:
         """Sentences about what to look at: those of the sizing of the configuration, and how designs are sized."""
         found = list(self.base.warnings)
         if reason := self.shared.single_reason:
             found.append(f"designs are sized one by one, because {reason}")
         if not self.shared.reports_holding:
             found.append("holding torques are not among the measures; `bellcrank size` gives them for one design")
-        return tuple(dict.fromkeys([*self.scene.config.notes, *found, *self._path_notes()]))
+        return ranked([*self._file_notes, *found, *self._path_notes()])
+
+    @property
+    def _file_notes(self) -> tuple[Note, ...]:
+        """What the robot's file says and is not modelled."""
+        return in_use(self.scene.config.notes, None, bool(self.scene.robot.gravity.any()))
 
     def _path_notes(self) -> list[str]:
         """A sentence for each motion of an open chain that is made from a frame's path while lengths are varied."""
@@ -144,8 +150,9 @@ class SizingRunner(Portable):
 
     def _columns(self, rows: _Rows) -> Columns:
         unknown = dict(rows.unsizable)
-        if self.base.undetermined:  # by the rows of the motions, which all designs share
-            unknown = dict.fromkeys(range(len(rows.done)), self.base.undetermined[0]) | unknown
+        shared = (*reached(self._file_notes), *self.base.undetermined)  # the latter by the rows of the motions
+        if shared:
+            unknown = dict.fromkeys(range(len(rows.done)), shared[0]) | unknown
         return self.judged.columns(dict(rows.measures), rows.infeasible, unknown)
 
     def _together(self, numbers: Array, wanted: Whole, rows: _Rows, threads: int, progress: Progress | None) -> None:

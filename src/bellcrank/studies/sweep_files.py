@@ -98,6 +98,7 @@ def write_json(sweep: Sweep, path: str | Path) -> Path:
         "axes": _axes(sweep, values=True),
         **({"sample": sweep.space.sample.identity} if sweep.space.sample is not None else {}),
         "units": dict(sweep.units),
+        "notes": [note.to_dict() for note in sweep.notes],
         "designs": [
             {
                 "values": [axis.shown(number) for axis, number in zip(sweep.axes, numbers, strict=True)],

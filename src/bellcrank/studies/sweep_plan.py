@@ -10,6 +10,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
+from bellcrank.notes import Note, ranked
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.study import METHODS, MOST_POINTS, Study
 from bellcrank.simulation.scene_notes import file_notes
@@ -33,7 +34,7 @@ class SweepPlan:
     scene: Scene
     space: DesignSpace
     runner: DesignRunner
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def plan_sweep(
     space = DesignSpace(axes, _sample(scene, axes, sample))
     for axis in axes:
         _check(scene, axis, checking)
-    return SweepPlan(scene, space, SimulationRunner(scene, axes), file_notes(scene))
+    return SweepPlan(scene, space, SimulationRunner(scene, axes), ranked(file_notes(scene)))
 
 
 def plan_sizings(

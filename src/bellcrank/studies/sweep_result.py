@@ -14,6 +14,7 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns, varies
@@ -44,7 +45,7 @@ class Sweep(Portable):
         index: (n,) their numbers, increasing: all, unless the sweep was interrupted.
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
-        notes: Sentences about what to look at in all designs.
+        notes: What to know about all designs, those that are reached first: the designs then are not known.
         sized: Whether the designs were sized, instead of simulated.
 
     Example:
@@ -60,7 +61,7 @@ class Sweep(Portable):
     index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
-    notes: tuple[str, ...] = field(default=(), repr=False)
+    notes: tuple[Note, ...] = field(default=(), repr=False)
     sized: bool = field(default=False, repr=False)
 
     def __repr__(self) -> str:

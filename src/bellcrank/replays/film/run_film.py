@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MOST_TURN = 1.0  # rad between rows: below it quintics are accurate to 2e-5 of a body's size at a constant rate
-FIRST_FACTS = ("ended", "warning", "note")
+FIRST_FACTS = ("ended", "not known", "warning", "note")
 MOST_EVENTS = 200
 MOST_VALUES = 6  # joints, or multipliers, in the text of an event
 
@@ -117,7 +117,7 @@ def film_of_run(
         events=_timeline_events(run, events, end),
         charts=charts,
         facts=(*facts, ("bellcrank", version())),
-        success=run.success and not run.non_finite,
+        success=run.success and not run.non_finite and not run.not_known,
         notes=(*body_notes, *notes),
     )
 

@@ -63,7 +63,7 @@ def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:
         counts = [
             (len(sizing.unsizable), "joint cannot be sized", "joints cannot be sized"),
             (len(sizing.exceeded), "limit exceeded", "limits exceeded"),
-            (len(sizing.undetermined), "peak not known", "peaks not known"),
+            (len(sizing.undetermined), "figure not known", "figures not known"),
         ]
         answer = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
         facts = [("verdict", f"{answer}; the first: {objections[0][1]}"), *objections[1:]]

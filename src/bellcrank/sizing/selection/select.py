@@ -17,6 +17,7 @@ from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.duty_program import checked_duty
+from bellcrank.notes import reached
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_of
 from bellcrank.sizing.massless_motors import refuse_massless
@@ -162,7 +163,7 @@ def select(
         feedback=feedback,
         inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products, cycle_and_axes[0]),
         warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
-        undetermined=undetermined_peaks(subject.mechanism, subject.motions, {}),
+        undetermined=(*undetermined_peaks(subject.mechanism, subject.motions, {}), *reached(subject.file_notes)),
     )
 
 
@@ -270,6 +271,10 @@ def _assumed_notes(catalogue: Catalogue, axes: Sequence[AxisPairs], conditions: 
 def _subject_warnings(subject: SizingSubject) -> list[str]:
     robot = subject.mechanism.robot
     config = subject.config
-    notes = () if config is None else (*config.notes, *override_notes(config))
-    found = [*notes, *robot.findings, *robot.inertia_warnings]
+    found = [
+        *subject.file_notes,
+        *([] if config is None else override_notes(config)),
+        *robot.findings,
+        *robot.inertia_warnings,
+    ]
     return found + motion_warnings(subject.mechanism, subject.motions)

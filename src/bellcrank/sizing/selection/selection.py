@@ -16,6 +16,7 @@ from bellcrank.cached_values import Portable
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
+from bellcrank.notes import WithNotes
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ class SelectionInputs(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection(Portable):
+class Selection(Portable, WithNotes):
     """The motors and gears of a robot, made by `bellcrank.select`.
 
     `print` shows its tables and the verdict; a notebook shows them as HTML tables.
@@ -176,7 +177,8 @@ class Selection(Portable):
         warnings: Sentences about what to look at.
         feedback: Whether the masses of the chosen actuators are part of the loads.
         inputs: The mechanism and its motions; None where the selection does not hold them.
-        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine.
+        undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine, and a `Note`
+            on each force and loop of the robot's file that is not modelled.
 
     Example:
         >>> import bellcrank as bc

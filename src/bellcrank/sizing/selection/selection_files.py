@@ -90,6 +90,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "loss": selection.loss,
         "cost": selection.cost,
         "warnings": list(selection.warnings),
+        "notes": [note.to_dict() for note in selection.notes],
         **({"undetermined": list(selection.undetermined)} if selection.undetermined else {}),
         "conditions": _conditions(selection.conditions),
         "units": UNITS,

@@ -11,6 +11,7 @@ from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
 from bellcrank.actuators.conditions import Conditions, entries
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+from bellcrank.sizing.tables import not_known
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
 
 UNKNOWN = "unknown"
@@ -75,9 +76,9 @@ def verdict(selection: Selection) -> str:
 
 
 def undetermined_lines(texts: Sequence[str]) -> list[str]:
-    """That peaks are not known, and which; nothing where all are."""
-    title = ["Not known: peaks that the rows of a motion do not determine"] if texts else []
-    return title + [wrapped(text, "  - ", "    ") for text in texts]
+    """What is not known, by its reason; nothing where all is."""
+    found = not_known(texts)
+    return [line for title, each in found for line in (title, *(wrapped(text, "  - ", "    ") for text in each))]
 
 
 def unknown_criteria(selection: Selection) -> list[tuple[str, list[str]]]:
