@@ -94,7 +94,9 @@ def _note(found: dict[str, dict[str, Asked]], fields: Fields, key: str, asked: A
 
 
 def _named_by_user(fields: Fields, section: str, key: str) -> bool:
-    return section != "initial" or key not in ("velocity", "hold", "motion", "run", "time", "clock")
+    return section != "initial" or key not in (
+        "velocity", "hold", "motion", "run", "time", "clock", "largest_correction",
+    )  # fmt: skip
 
 
 def _section(fields: Fields) -> str | None:

@@ -1,5 +1,7 @@
 """The start of a scene: floating and planar joints, velocities that are given in part, and saved runs."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -312,9 +314,9 @@ def pushed(folder):
     return load_scene(folder / "pushed.yaml")
 
 
-def test_the_clock_goes_on_for_tables_and_formulas_where_it_is_told_to(tmp_path):
+def test_the_clock_goes_on_for_tables_and_formulas(tmp_path):
     scene = pushed(tmp_path)
-    whole, first, second = split_in_two(scene, tmp_path, 0.4, {"clock": "continue"})
+    whole, first, second = split_in_two(scene, tmp_path, 0.4, {})
     np.testing.assert_allclose(second.state[0, :4], first.state[-1, :4], atol=1e-12)
     np.testing.assert_allclose(second.state[-1, :4], whole.state[-1, :4], atol=1e-8)
     assert not [note for note in scene_notes(second.scene) if "clock" in note]
@@ -334,10 +336,41 @@ def test_the_clock_goes_on_for_tables_and_formulas_where_it_is_told_to(tmp_path)
 def test_a_clock_that_starts_anew_and_a_moved_start_are_said(tmp_path):
     scene = pushed(tmp_path)
     simulate(scene, duration=0.4).save(tmp_path / "half.npz")
-    anew = scene.with_overrides({"initial.run": "half.npz"})
+    anew = scene.with_overrides({"initial.run": "half.npz", "initial.clock": 0})
     notes = " ".join(scene_notes(anew))
     assert "half.npz ends at clock time 0.4 s" in notes and "push" in notes and "constraint 'way'" in notes
-    assert "the state of half.npz does not satisfy the constraints" in notes
+    assert "the run half.npz does not satisfy the constraints" in notes
+
+
+def test_a_saved_start_that_constraints_move_far_is_refused_unless_that_is_allowed(tmp_path):
+    """The slide is at 0.1 sin(1.2) m, and the formula of t begins anew at 0."""
+    scene = pushed(tmp_path)
+    simulate(scene, duration=0.4).save(tmp_path / "half.npz")
+    there = f"{0.1 * np.sin(1.2):.6g}"
+    anew = {"initial.run": "half.npz", "initial.clock": 0}
+    with pytest.raises(InputError, match=rf"run half.npz places joint 'loose_x' at {there} m.*largest_correction: "):
+        consistent_start(scene.with_overrides(anew | {"initial.largest_correction": 0.01}))
+    moved = scene.with_overrides(anew | {"initial.largest_correction": "30 deg"})
+    assert f"joint 'loose_x' from {there} to 0 m" in " ".join(scene_notes(moved))
+    assert consistent_start(moved)[0][1] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["motion", "guess"])
+def test_a_start_that_a_prescribed_motion_moves_is_refused_or_said(kind, tmp_path):
+    go = {"kind": "waypoints", "times": [0, 1], "positions": [{"shoulder": 0.1}, {"shoulder": 0.5}]}
+    other = {"kind": "waypoints", "times": [0, 1], "positions": [{"shoulder": 1.2}, {"shoulder": 0.5}]}
+    data = {"urdf": "planar_2r", "motions": {"go": go, "other": other}, "simulate": {"duration": 0.1},
+            "constraints": [{"kind": "prescribed_motion", "name": "drive", "joint": "shoulder", "motion": "go"}],
+            "initial": {"motion": "other"} if kind == "motion" else {"shoulder": {"guess": 1.2}}}  # fmt: skip
+    (tmp_path / "arm.yaml").write_text(json.dumps(data))
+    if kind == "motion":
+        with pytest.raises(InputError, match=r"'other' places joint 'shoulder' at 1\.2 rad.*move it to 0\.1 rad"):
+            simulate(tmp_path / "arm.yaml")
+        allowed = simulate(tmp_path / "arm.yaml", overrides={"initial.largest_correction": 1.2})
+        assert any("from 1.2 to 0.1 rad" in note for note in allowed.notes)
+    else:
+        notes = simulate(tmp_path / "arm.yaml").notes
+        assert any("0.1 rad; its guess of 1.2 is not used" in note for note in notes)
 
 
 def test_another_time_of_a_run_is_one_of_its_rows(tmp_path):

@@ -157,7 +157,12 @@ def test_angles_of_urdf_are_exact_at_a_pitch_of_90_degrees():
 @pytest.mark.tier2
 def test_a_biped_of_mjcf_starts_closed_near_its_keyframe_and_keeps_its_energy():
     path = FILES / "biped.xml"
-    run, robot = bc.simulate(path, duration=0.02, samples=5), bc.load_robot(path)
+    far = bc.simulate(FILES / "biped.xml", duration=0.001, overrides={"initial.largest_correction": 1}).notes
+    assert any("keyframe 'home' does not satisfy the constraints" in note for note in far)
+    with pytest.raises(bc.InputError, match=r"keyframe 'home' places joint 'left-crank' at -1\.52 rad"):
+        bc.simulate(path, duration=0.001)
+    allowed = {"initial.largest_correction": 0.2}
+    run, robot = bc.simulate(path, duration=0.02, samples=5, overrides=allowed), bc.load_robot(path)
     assert run.success
     assert run.constraint_residual() < 1e-10
     assert run.energy_drift() < 1e-6  # the work of the dampers included

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +15,16 @@ from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.posture_search import Constrained, Search, StartCode, search_postures
 from bellcrank.dynamics.start_diagnosis import StartFailure, diagnose_start
 from bellcrank.dynamics.system import system_parameters
+from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.errors import InputError
-from bellcrank.robot.joints import unit_vector
+from bellcrank.robot.joints import RobotJoint, unit_vector
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+MOVED = 1e-6  # rad, m or relative: by so much constraints may change a start without a note
 
 
 class NoConsistentStart(InputError):
@@ -65,8 +68,69 @@ def consistent_start(scene: Scene) -> tuple[Array, Array]:
     if not scene.constraints:
         return q, scene.initial.rates(scene.robot, q, motion)
     held_q, held_v = scene.initial.held(scene.robot)
-    q = consistent_posture(scene, q, held_q)
-    return q, consistent_velocity(scene, q, scene.initial.rates(scene.robot, q, motion), held_v)
+    there = consistent_posture(scene, q, held_q)
+    _refuse_correction(scene, q, there)
+    return there, consistent_velocity(scene, there, scene.initial.rates(scene.robot, there, motion), held_v)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A joint that constraints move from where a saved run, a motion or a keyframe (`by`) places it.
+
+    `before` and `after` are the coordinate (rad or m) that moves most.
+    """
+
+    joint: RobotJoint
+    by: str
+    before: float
+    after: float
+
+    @property
+    def size(self) -> float:
+        """By how much it moves, rad or m."""
+        return abs(self.after - self.before)
+
+
+def corrections(scene: Scene, before: Array, after: Array) -> list[Correction]:
+    """The joints that constraints move from the given posture (nq,) to the start (nq,), largest first."""
+    found = []
+    for name, by in _placed_by(scene).items():
+        j = scene.robot.joint(name)
+        k = j.q + int(np.abs(after - before)[j.q : j.q + j.nq].argmax())
+        found.append(Correction(j, by, float(before[k]), float(after[k])))
+    moved = [one for one in found if one.size > MOVED * max(1.0, abs(one.before))]
+    return sorted(moved, key=lambda one: -one.size)
+
+
+def _placed_by(scene: Scene) -> dict[str, str]:
+    """The joints that a saved run, a motion that is also prescribed, or a keyframe places at the start, and which."""
+    initial, file = scene.initial, scene.config.file
+    by = dict[str, str]()
+    if initial.saved is not None:
+        by = dict.fromkeys((j.name for j in initial.saved.joints), f"the run {initial.saved.name}")
+    elif initial.motion is not None:
+        prescribed = [part.joint.name for part in scene.constraints if isinstance(part, PrescribedMotion)]
+        by = dict.fromkeys(prescribed, f"motion '{initial.motion}'")
+    if file is not None and file.keyframe and file.start is not None:
+        for name in initial.guesses:
+            if file.start.get(name) == initial.position[name]:
+                by[name] = file.keyframe
+    mine = {name for name in initial.position if by.get(name) != (file.keyframe if file else "")} | {*initial.free}
+    return {name: one for name, one in by.items() if name not in mine}
+
+
+def _refuse_correction(scene: Scene, before: Array, after: Array) -> None:
+    """Refuse a start in which constraints move a joint further than is allowed (InputError)."""
+    allowed = scene.initial.largest_correction
+    length = rows_of(scene).length
+    for one in corrections(scene, before, after):
+        unit, scale = ("m", length) if one.joint.kind == "prismatic" else ("rad", 1.0)
+        if one.size > allowed * scale:
+            raise InputError(
+                f"{scene.source}: initial: {one.by} places joint '{one.joint.name}' at {one.before:.6g} {unit}, and "
+                f"the constraints move it to {one.after:.6g} {unit}, by more than {allowed * scale:.3g} {unit}; write "
+                f"initial: {{largest_correction: {1.1 * one.size / scale:.2g}}} to allow that, or give another start"
+            )
 
 
 def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:

@@ -55,7 +55,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     loops, loop_notes = EqualityReader(bodies, fixed_tendons(root)).read(equalities)
     if "equality" in disabled and loops:
         loops, loop_notes = [], ["the constraints under <equality> are disabled by <option><flag> and left out."]
-    start, start_notes = start_of(bodies, root)
+    start, keyframe, start_notes = start_of(bodies, root)
     visuals = Visuals(root, defaults, meshes)
     joints = joints_of(bodies)
     efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
@@ -68,6 +68,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
         motors=motors.motors,
         rotor_inertia=rotor_inertia(joints, motors),
         start=start,
+        keyframe=keyframe,
         gravity=gravity_of(root),
         notes=(*start_notes, *loop_notes, *motors.notes, *notes_of(root, bodies, visuals, meshes)),
     )

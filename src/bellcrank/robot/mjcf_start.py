@@ -16,17 +16,17 @@ SIZES = {"free": 7, "ball": 4, "hinge": 1, "slide": 1}
 Start = Mapping[str, float | tuple[float, ...]]
 
 
-def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, list[str]]:
-    """Positions by joint (rad or m; quaternions x y z w), and sentences about keyframes. Raises InputError.
+def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, str, list[str]]:
+    """Positions by joint (rad or m; quaternions x y z w), the title of their keyframe ("" without one), and notes.
 
     The keyframe "home", else the first one; without keyframes MuJoCo's qpos0, in which joints are at their `ref` and a
-    free body is where the file places it.
+    free body is where the file places it. Raises InputError.
     """
     keys = [key for section in root.find_all("keyframe") for key in section.find_all("key")]
     given = [key for key in keys if "qpos" in key.attributes]
     start = reference_posture(bodies)
     if not given:
-        return start, []
+        return start, "", []
     chosen = next((key for key in given if key.attributes.get("name") == HOME), given[0])
     count = sum(SIZES[joint.kind] for body in bodies for joint in body.joints)
     values = list(chosen.numbers("qpos", count, count) or ())
@@ -39,7 +39,7 @@ def start_of(bodies: Sequence[Body], root: MjcfElement) -> tuple[Start, list[str
     if any(chosen.numbers("qvel", 1, count) or ()):
         text = f"line {chosen.line}: the velocities (qvel) of {title} are not used; the start is at rest."
         notes.append(Note(text, "changes"))
-    return start, notes
+    return start, title, notes
 
 
 def reference_posture(bodies: Sequence[Body]) -> dict[str, float | tuple[float, ...]]:

@@ -131,6 +131,7 @@ class RobotFile:
         motors: Motors at joints.
         rotor_inertia: Rotor inertia reflected to the joint, by joint, kg m² (kg for prismatic joints).
         start: Positions of joints at the start, by joint (rad or m, or all coordinates of the joint); None: not given.
+        keyframe: What the file calls the start, such as "the keyframe 'home'"; empty where it does not give one.
         gravity: Acceleration of gravity in the world, m/s²; None: not given.
         notes: What the file says and is not modelled, one sentence each.
     """
@@ -143,6 +144,7 @@ class RobotFile:
     motors: tuple[JointMotor, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float | tuple[float, ...]] | None = None
+    keyframe: str = ""
     gravity: Vector3 | None = None
     notes: tuple[str, ...] = ()
 

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Axes = list[tuple[slice, Array]]
 
+LARGEST_CORRECTION = 0.1  # rad, or of the characteristic length, by default
+
 
 @dataclass(frozen=True, kw_only=True)
 class Initial:
@@ -48,6 +50,8 @@ class Initial:
         free: The starts of joints with several degrees of freedom, including a free base, by name.
         saved: The state of a saved run in which the other joints start, or None.
         clock: The value of t for expressions, tables and motions at the start, s.
+        largest_correction: By how much constraints may move a joint from where a saved run, a motion or a keyframe
+            places it: rad, or in units of the mechanism's characteristic length.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -58,6 +62,7 @@ class Initial:
     free: Mapping[str, FreeJointStart] = field(default_factory=dict)
     saved: SavedState | None = None
     clock: float = 0.0
+    largest_correction: float = LARGEST_CORRECTION
 
     def posture(self, robot: Robot, motion: Motion | None = None) -> Array:
         """The given position (nq,); `motion` is the motion named by the field `motion`."""
@@ -132,7 +137,7 @@ def read_initial(
     motion: str | None = None
     saved: SavedState | None = None
     velocity: Mapping[str, float] = {}
-    times = {"time", "clock"}.difference(robot.all_joint_names)
+    times = {"time", "clock", "largest_correction"}.difference(robot.all_joint_names)
     for key in start:
         given = start.raw(key)
         if key == "velocity" and isinstance(given, Mapping):
@@ -164,6 +169,9 @@ def read_initial(
     if saved is None and "time" in start and "time" in times:
         raise start.error("time", "'time' is a time of a saved run; name the run as run: FILE.npz")
     clock = read_clock(start, saved) if "clock" in times else 0.0
+    correction = LARGEST_CORRECTION
+    if "largest_correction" in times:
+        correction = start.number("largest_correction", "rad", LARGEST_CORRECTION, nonnegative=True)
     return Initial(
         position=position,
         velocity=velocity,
@@ -173,6 +181,7 @@ def read_initial(
         free=free | _read_base(read, robot),
         saved=saved,
         clock=clock,
+        largest_correction=correction,
     )
 
 

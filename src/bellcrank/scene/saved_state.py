@@ -3,9 +3,9 @@
 The path is relative to the scene's folder or, in an override, also to the working directory. The state is that of the
 last row, or of the row at `time`; for a run that ended with a latch, the velocity is that after the impact. The run
 must have the joints of the scene's robot. Other keys of `initial` and `base` take precedence over it. If the state does
-not satisfy the constraints, the search for a consistent start may change all of its values. The time of the new run
-starts at 0; `clock` is the value of t for expressions, tables and motions at that time: a number (s), by default 0, or
-`continue` for its value in the saved run.
+not satisfy the constraints, the search for a consistent start changes it, by `largest_correction` at most. The time of
+the new run starts at 0; `clock` is the value of t for expressions, tables and motions at that time: by default
+(`continue`) its value in the saved run, or a number (s).
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def read_run_start(start: Fields, robot: Robot, read_scene: SceneReader, timed: 
 
 
 def read_clock(start: Fields, saved: SavedState | None) -> float:
-    """Read the clock at the start, s. Raises InputError naming file and key."""
-    if start.raw("clock", 0.0) != "continue":
+    """Read the clock at the start, s: by default that of a saved run, or 0. Raises InputError naming file and key."""
+    if start.raw("clock", 0.0 if saved is None else "continue") != "continue":
         return start.number("clock", "s", 0.0)
     if saved is None:
         raise start.error("clock", "'continue' requires a saved run; name the run as run: FILE.npz")

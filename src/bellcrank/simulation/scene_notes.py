@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_start import consistent_start, given_posture, starts_further_away
+from bellcrank.dynamics.consistent_start import MOVED, consistent_start, corrections, given_posture, starts_further_away
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-MOVED = 1e-6  # rad, m or relative: by so much constraints may change a saved state without a note
 MOVING = 1e-4  # of a motion's largest speed: slower counts as at rest
 OVERSHOOT = 3.0  # times the range of a table's values: so far a cubic spline may overshoot without a note
 
@@ -121,29 +120,39 @@ def _start(scene: Scene) -> Iterator[str]:
 
 
 def _saved(scene: Scene) -> Iterator[str]:
-    """Differences from the saved run that the scene starts from: the correction by constraints, and the clock."""
+    """Differences from the saved run, motion or keyframe that the scene starts from: corrections, and the clock."""
     saved, robot = scene.initial.saved, scene.robot
+    q, v = consistent_start(scene)
+    if moved := corrections(scene, given_posture(scene), q):
+        most = moved[0]
+        others = f", and {len(moved) - 1} other joints by less" if len(moved) > 1 else ""
+        yield (
+            f"{most.by} does not satisfy the constraints: they move joint '{most.joint.name}' from {most.before:.6g} "
+            f"to {most.after:.6g} {joint_unit(most.joint, 'position') if most.joint.nq == 1 else '(SI units)'}{others}"
+        )
+    for part in scene.constraints:
+        if isinstance(part, PrescribedMotion) and part.joint.name in scene.initial.guesses:
+            guess, start = scene.initial.position[part.joint.name], float(q[part.joint.q])
+            if abs(start - guess) > MOVED * max(1.0, abs(guess)):
+                yield (
+                    f"constraint '{part.name}' prescribes the start of joint '{part.joint.name}', "
+                    f"{start:.6g} {joint_unit(part.joint, 'position')}; its guess of {guess:.6g} is not used"
+                )
     if saved is None:
         return
-    q = scene.initial.posture(robot)
-    v = scene.initial.rates(robot, q)
-    for what, before, after in (
-        ("position", q, consistent_start(scene)[0]),
-        ("velocity", v, consistent_start(scene)[1]),
-    ):
-        moved = np.abs(after - before)
-        if moved.max(initial=0.0) > MOVED * max(1.0, float(np.abs(before).max(initial=0.0))):
-            k = int(moved.argmax())
-            joint = next(j for j in reversed(robot.joints) if (j.q if what == "position" else j.v) <= k)
-            yield (
-                f"the state of {saved.name} does not satisfy the constraints: the {what} of joint '{joint.name}' is "
-                f"changed by {moved[k]:.3g} (SI units); a changed velocity is not computed as an impact, as at a "
-                "latch"
-            )
+    rates = scene.initial.rates(robot, given_posture(scene))
+    change = np.abs(v - rates)
+    if change.max(initial=0.0) > MOVED * max(1.0, float(np.abs(rates).max(initial=0.0))):
+        k = int(change.argmax())
+        joint = next(j for j in reversed(robot.joints) if j.v <= k)
+        yield (
+            f"the run {saved.name} does not satisfy the constraints: the velocity of joint '{joint.name}' is changed "
+            f"by {change[k]:.3g} (SI units), which is not computed as an impact, as at a latch"
+        )
     if saved.clock != scene.initial.clock and (moving := ", ".join(_with_time(scene))):
         yield (
             f"{saved.name} ends at clock time {saved.clock:.6g} s, and this run starts at clock time "
-            f"{scene.initial.clock:.6g} s, which affects {moving}; initial.clock: continue keeps the clock running"
+            f"{scene.initial.clock:.6g} s, which affects {moving}; without initial.clock it goes on"
         )
 
 

@@ -243,7 +243,7 @@ class Sweep(Portable):
             >>> result = bc.sweep("four_bar", {"crank_length": [1.22, 1.24]})
             >>> path = result.to_json(pathlib.Path(tempfile.mkdtemp()) / "sweep.json")
             >>> list(json.loads(path.read_text()))
-            ['scene', 'source', 'complete', 'axes', 'units', 'designs']
+            ['scene', 'source', 'complete', 'axes', 'units', 'notes', 'designs']
         """
         return write_json(self, arguments.path("path", path, "the path of a file"))
 
