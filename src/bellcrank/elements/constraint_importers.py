@@ -27,6 +27,7 @@ from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.gepetto_file import read_gepetto
+from bellcrank.robot.joint_types import without_motor
 from bellcrank.robot.load import default_options, robot_of
 from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.mjcf_equality import UNMODELLED
@@ -63,6 +64,8 @@ def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[st
     for place in files.values():
         path = place.file("file")
         for name in read_gepetto(path).motors:
+            if name in without_motor(robot.file.urdf, robot.source, [name]):
+                continue  # a note says so
             if name not in robot.joint_names:
                 raise place.error("file", f"{path}: name_mot: {unknown_name('joint', name, robot.joint_names)}")
             found.append(name)

@@ -153,7 +153,12 @@ class BodyReader:
                 )
 
     def _copies_of(self, element: MjcfElement, scope: _Scope) -> Iterator[_Scope]:
-        """The scopes of the copies that a <replicate> makes, each moved by its offset and turned by its euler."""
+        """The scopes of the copies that a <replicate> makes.
+
+        Copy k is turned by k times the Euler angles, as in MuJoCo, which is not k turns where several angles differ
+        from 0; and it is moved from the last by the offset in the axes of the last. Source: MuJoCo, XML reference,
+        `replicate`.
+        """
         count = element.number("count", 0.0)
         if count < 1.0 or count != int(count):
             raise element.fail(f"count: expected a whole number from 1 on, found {count:g}")
@@ -161,14 +166,13 @@ class BodyReader:
         if self._copies > MOST_BODIES:
             raise element.fail(f"makes more than {MOST_BODIES} copies; this is too large a model")
         angles = self._compiler.angles
-        step = np.eye(4)
-        step[:3, 3] = element.vector("offset", (0.0, 0.0, 0.0))
-        step[:3, :3] = angles.euler(element.vector("euler", (0.0, 0.0, 0.0))).as_matrix()
+        offset, euler = (np.array(element.vector(key, (0.0, 0.0, 0.0))) for key in ("offset", "euler"))
         separator, digits = element.attributes.get("sep", ""), len(str(int(count) - 1))
-        frame = scope.frame
+        copy = np.eye(4)
         for k in range(int(count)):
-            yield replace(scope, frame=frame, suffix=f"{separator}{k:0{digits}d}{scope.suffix}")
-            frame = frame @ step
+            copy[:3, :3] = angles.euler((k * euler).tolist()).as_matrix()
+            yield replace(scope, frame=scope.frame @ copy, suffix=f"{separator}{k:0{digits}d}{scope.suffix}")
+            copy[:3, 3] += copy[:3, :3] @ offset
 
 
 def _name(element: MjcfElement, scope: _Scope) -> str:

@@ -172,9 +172,13 @@ class SdfModels:
         self.frames.add(full, Frame(pose, self._full(base, prefix) if base else onto, onto, frame.line))
 
     def _joint(self, joint: Element, prefix: str, static: bool) -> None:
-        full = f"{prefix}{self._name(joint)}"
-        where = f"joint '{full}'"
         parent, child = (text_of(joint, tag) for tag in ("parent", "child"))
+        if joint.attributes.get("name", "").strip() or not child:
+            full = f"{prefix}{self._name(joint)}"
+        else:
+            full = f"{prefix}{child.replace('::', '_')}_joint"
+            self._notes.append(Note(f"line {joint.line}: the joint of link '{child}' has no name; it is '{full}'."))
+        where = f"joint '{full}'"
         if not parent or not child:
             raise self._fail(f"line {joint.line}: {where}: expected <parent> and <child>")
         kind = joint_type(joint, where, self._fail)

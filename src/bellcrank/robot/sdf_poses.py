@@ -86,16 +86,16 @@ class Frames:
             base = self._resolved(self.known(frame.relative_to, frame.line, "relative_to"), chain)
         pose = base @ frame.pose
         if frame.placement:
-            pose = pose @ inverse(self._inside(name, frame, chain))
+            pose = pose @ inverse(self._inside(name, frame))
         self._found[name] = pose
         return pose
 
-    def _inside(self, model: str, frame: Frame, chain: list[str]) -> Array:
+    def _inside(self, model: str, frame: Frame) -> Array:
         """The pose of the placement frame of a model in that model."""
         target = self.known(frame.placement, frame.line, "placement_frame")
         other = Frames(self.fail, dict(self.named))
         other.named[model] = Frame(np.eye(4), "", frame.attached_to, frame.line)
-        return other._resolved(target, [each for each in chain if each != model])
+        return other._resolved(target, [])  # the model is placed by a frame in it: no circle with what asked for it
 
     def _cycle(self, key: str, names: list[str]) -> InputError:
         listed = ", ".join(f"'{name}'" for name in names[:6]) + (", …" if len(names) > 6 else "")

@@ -10,7 +10,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
 from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
-from bellcrank.robot.joint_types import with_joint_types
+from bellcrank.robot.joint_types import motor_notes, with_joint_names, with_joint_types, without_motor
 from bellcrank.robot.robot_file import JointMotor, RobotFile
 from bellcrank.robot.urdf_extensions import ball_constraints, refuse_unread, rotor_inertias, springs
 from bellcrank.robot.urdf_loops import loops_of
@@ -31,6 +31,7 @@ def read_urdf_robot(
     if source.suffix == ".xacro":
         text = expanded(text, source, access, xacro_args or {})
     beside = gepetto_beside(source, access)
+    text, unnamed = with_joint_names(text, source)
     robot = parse_xml(text, source)
 
     def fail(message: str) -> InputError:
@@ -43,7 +44,7 @@ def read_urdf_robot(
         loops=(*loops_of(robot, fail), *ball_constraints(robot, fail)),
         springs=springs(robot, fail),
         rotor_inertia=rotor_inertias(robot, fail),
-        notes=unused(robot),
+        notes=(*unnamed, *unused(robot)),
     )
     return file if beside is None else _with_gepetto(file, robot, beside)
 
@@ -63,11 +64,12 @@ def _with_gepetto(file: RobotFile, robot: Element, path: Path) -> RobotFile:
         if name not in joints:
             raise InputError(f"{path}: name_mot: {unknown_name('joint', name, joints)}")
     urdf, notes = with_joint_types(file.urdf, found.joint_types, path)
+    still = without_motor(urdf, file.source, found.motors)
     return replace(
         file,
         urdf=urdf,
         loops=found.frame_loops("loop"),
         loop_file=path.resolve(),
-        motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors)),
-        notes=(*file.notes, *found.notes, *notes),
+        motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors) if name not in still),
+        notes=(*file.notes, *found.notes, *notes, *motor_notes(path, still)),
     )

@@ -17,7 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.notes import as_note
 from bellcrank.robot.gepetto_file import read_gepetto
-from bellcrank.robot.joint_types import with_joint_types
+from bellcrank.robot.joint_types import motor_notes, with_joint_types, without_motor
 from bellcrank.robot.load import xacro_text
 from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot_file import (
@@ -164,7 +164,9 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
         if entry.get("kind") == "gepetto":
             path = fields.access.folder / str(entry["file"])
             if fields.access.allows(path) and path.is_file():  # otherwise refused where the constraints are read
-                urdf, notes = with_joint_types(file.urdf, read_gepetto(path).joint_types, path)
+                gepetto = read_gepetto(path)
+                urdf, notes = with_joint_types(file.urdf, gepetto.joint_types, path)
+                notes += motor_notes(path, without_motor(urdf, path, gepetto.motors))
                 file = replace(file, urdf=urdf, notes=tuple(dict.fromkeys((*file.notes, *notes))))
     return file
 
