@@ -140,7 +140,10 @@ def test_a_sample_tells_probabilities_with_their_intervals(drawn):
     count, other = (
         int(beyond.sum()) for beyond in (drawn.column("lock.time") > 13.0, drawn.column("lock.time") < 12.0)
     )
-    assert document.status == f"Limit exceeded: {100.0 * max(count, other) / 160:.3g} %" and document.partial
+    assert (
+        document.status == (f"A limit is exceeded with a probability of {100.0 * max(count, other) / 160:.3g} %")
+        and document.partial
+    )
     assert document.verdict[1].startswith(f"lock.time > 13 s: probability {100.0 * count / 160:.3g} % (95 % interval ")
     limits = document.parts[0]
     assert limits.rows[0][3:] == (f"{count} of 160", "every design has it")

@@ -320,7 +320,8 @@ def test_parameters_take_the_targets_that_overrides_have_too(scene):
     ("overrides", "words"),
     [
         ({"duration": 1}, "did you mean 'simulate.duration'"),
-        ({"link.rod.mass": 1}, "parameters: {NAME: {value: …, sets: [link.rod.mass]}}"),
+        ({"link.rodd.mass": 1}, "unknown link 'rodd'; did you mean 'rod'"),
+        ({"joint.elbo.origin.x": 1}, "unknown joint 'elbo'; did you mean 'elbow'"),
         ([("duration", 1)], "expected a mapping"),
     ],
 )

@@ -125,6 +125,33 @@ class Linearisation:
             return None
         return all(mode.eigenvalue.real <= 0.0 for mode in self.modes)  # rounding errors are 0 (modal_analysis.py)
 
+    @property
+    def drifts(self) -> bool:
+        """Whether a push at rest is not stopped and moves it away along a symmetry, such as a cart without friction.
+
+        There, a neutral velocity belongs to a neutral position, and the position grows linearly.
+        """
+        neutral = [mode.symmetry for mode in self.modes if mode.eigenvalue == 0.0]
+        return self.kind == EQUILIBRIUM and not self.symmetries_removed and True in neutral and False in neutral
+
+    @property
+    def stability(self) -> str:
+        """The answer of `stable` in words; empty where the operating point is not steady.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.linearise(bc.load_scene("pendulum")).stability
+            'stable'
+        """
+        if self.stable is None:
+            return ""
+        if self.stable and self.drifts:
+            return "neutral: nothing grows, and a push along its symmetries is not stopped"
+        if self.stable:
+            placed = not self.symmetries or self.symmetries_removed
+            return "stable" if placed else "stable but for its place along its symmetries"
+        return "unstable: a mode grows"
+
     # ---- to read
 
     @property

@@ -34,8 +34,8 @@ def mode_cells(linear: Linearisation, mode: Mode) -> tuple[str, ...]:
 
 def mode_table(linear: Linearisation) -> str:
     """The operating point, the modes, symmetries and notes, line by line."""
-    stable = {True: ", stable", False: ", unstable: a mode grows", None: ""}[linear.stable]
-    lines = [f"{linear.name}: {linear.description}{stable}", f"position q: {shown(linear.position)}"]
+    stability = f", {linear.stability}" if linear.stability else ""
+    lines = [f"{linear.name}: {linear.description}{stability}", f"position q: {shown(linear.position)}"]
     if linear.velocity.any():
         lines.append(f"velocity v: {shown(linear.velocity)}")
     if linear.modes:

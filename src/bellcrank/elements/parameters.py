@@ -9,7 +9,7 @@ in overrides). The value has the unit of its targets and must satisfy the same b
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 _NAME = re.compile(r"\A[A-Za-z_]\w*\Z")
+_NOT_IN_NAMES = re.compile(r"\W")
+OF_THE_TREE = ("link", "joint", "frame")  # first parts of targets in the robot's tree
 PLURAL = {"forces": "force", "constraints": "constraint"}  # as in the paths of overrides
 _RESERVED = ("pi", "t")  # names with a meaning in expressions
 
@@ -111,6 +113,19 @@ def inertias_set(parameters: Mapping[str, Parameter], robot: Robot) -> list[Link
 def parameter_bounds(parameter: Parameter, robot: Robot, parts: Sequence[Element]) -> list[Bound]:
     """The bounds of a parameter's targets."""
     return [_resolve(target, robot, parts)[0].bound for target in parameter.sets]
+
+
+def is_of_the_tree(path: object) -> bool:
+    """Whether a path names a number of the robot's tree, such as link.NAME.mass."""
+    return isinstance(path, str) and "." in path and path.partition(".")[0] in OF_THE_TREE
+
+
+def parameter_name(path: str, taken: Collection[str]) -> str:
+    """A name for the parameter that sets a path, other than the names that are taken."""
+    name = _NOT_IN_NAMES.sub("_", path)
+    while name in taken or not name[0].isalpha():
+        name = f"varied_{name}"
+    return name
 
 
 def target_of(target: str, robot: Robot, parts: Sequence[Element]) -> tuple[Settable, tuple[int, int] | None]:

@@ -10,6 +10,7 @@ from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.mode_table import shown
 from bellcrank.analysis.root_loci import RootLoci
 from bellcrank.analysis.root_locus_plot import plot_root_loci
+from bellcrank.notes import reached
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film.mode_film import SECONDS, film_of_modes
 from bellcrank.replays.page.page import Surroundings, write_page
@@ -43,7 +44,8 @@ def write_modes_page(scene: Scene, linear: Linearisation, path: str | Path, loci
 
 
 def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Document:
-    status = {True: "Stable", False: "Unstable", None: "Not steady"}[linear.stable]
+    status = {True: "Neutral" if linear.drifts else "Stable", False: "Unstable", None: "Not steady"}[linear.stable]
+    status = "Not known" if reached(linear.notes) else status
     growing = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
     verdict = f"{len(growing)} of {len(linear.modes)} modes grow" if growing else "no mode grows"
     parts: list[Facts | Picture] = [Facts("Operating point", _operating_point(scene, linear))]
@@ -52,7 +54,7 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
     return Document(
         title=f"{linear.name}: modes",
         status=status,
-        success=linear.stable is True,
+        success=linear.stable is True and not reached(linear.notes),
         verdict=(f"{linear.description}: {verdict}.",),
         about=(linear.name, scene.source.name, f"bellcrank {version()}"),
         warnings=(),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.errors import InputError
+from bellcrank.notes import reached
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
@@ -157,7 +158,9 @@ def _status(sweep: Sweep, found: Sequence[Exceedance]) -> str:
     if failed := len(sweep) - sweep.finished:
         return f"{failed:,} failed"
     worst = max((one.probability for one in found if one.exceeded), default=0.0)
-    return f"Limit exceeded: {100.0 * worst:.3g} %" if worst else "OK"
+    if worst:
+        return f"A limit is exceeded with a probability of {100.0 * worst:.3g} %"
+    return "Not known" if reached(sweep.notes) else "OK"
 
 
 def _verdict(

@@ -116,11 +116,6 @@ def _unknown(path: str, key: str, known: list[str]) -> str:
     """The message for a path that begins with an unknown key."""
     if path in SETTINGS:
         return f"there is no key or parameter '{path}'; did you mean 'simulate.{path}'?"
-    if key in ("link", "joint"):
-        return (
-            f"an override changes keys of the scene, and '{path}' is in the URDF; declare a parameter in the scene, "
-            f"parameters: {{NAME: {{value: …, sets: [{path}]}}}}, and override NAME"
-        )
     return unknown_name("key or parameter", key, known)
 
 

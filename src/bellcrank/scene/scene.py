@@ -37,7 +37,7 @@ from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
-from bellcrank.elements.parameters import Parameter, read_parameters
+from bellcrank.elements.parameters import Parameter, is_of_the_tree, parameter_name, read_parameters, target_of
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
@@ -189,6 +189,7 @@ class Scene(Portable):
             >>> scene.parameter_values.tolist()
             [1.25, 1.2, 1.2, 1.241]
         """
+        overrides = self.declared(overrides)
         data = apply_overrides(self.source_data, overrides)
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
@@ -201,6 +202,27 @@ class Scene(Portable):
         changed = _read(data, self.source, self.access, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
+
+    def declared(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
+        """The overrides, with a parameter for each number of the robot's tree (link.NAME.mass). Raises InputError."""
+        if not isinstance(overrides, Mapping):
+            return overrides  # which `apply_overrides` refuses
+        changes, declared = dict[str, Any](), dict[str, Any]()
+        for path, value in overrides.items():
+            if not is_of_the_tree(path) or path in self.parameters:
+                changes[path] = value
+                continue
+            try:
+                target_of(path, self.robot, (*self.forces, *self.control, *self.constraints))
+            except InputError as error:
+                raise InputError(f"override '{path}': {error}") from None
+            own = next((name for name, parameter in self.parameters.items() if parameter.sets == (path,)), None)
+            if own is not None:
+                changes[own] = value
+            else:
+                name = parameter_name(path, [*self.parameters, *declared])
+                declared[name] = {"value": value, "sets": [path]}
+        return changes | {f"parameters.{name}": entry for name, entry in declared.items()}
 
     def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
         """Return a scene with an additional constraint that a Python function defines.
@@ -417,7 +439,12 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
         data, access = robot_file_data(source, trust)
     else:
         data, access = source_mapping(read_yaml(source)), FileAccess.of(source, trust)
-    return _read(apply_overrides(data, overrides) if overrides else data, source, access)
+    named = data.get("parameters")
+    names = named if isinstance(named, Mapping) else {}
+    of_tree = {path: v for path, v in (overrides or {}).items() if path not in names and is_of_the_tree(path)}
+    others = {path: value for path, value in (overrides or {}).items() if path not in of_tree}
+    scene = _read(apply_overrides(data, others) if others else data, source, access)
+    return scene.with_overrides(of_tree) if of_tree else scene
 
 
 def load_held_scene(source: Path) -> Scene:

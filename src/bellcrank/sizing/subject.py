@@ -82,7 +82,11 @@ class SizingSubject(NamedTuple):
 
 def override_notes(config: RobotConfig) -> list[str]:
     """A sentence on the values of a configuration's file that were changed; none where there are none."""
-    changed = ", ".join(f"{path} = {one_line(str(value)):.80}" for path, value in config.overrides.items())
+    shown = dict[str, Any]()
+    for path, value in config.overrides.items():
+        of_tree = isinstance(value, Mapping) and value.keys() == {"value", "sets"} and path.startswith("parameters.")
+        shown[", ".join(value["sets"]) if of_tree else path] = value["value"] if of_tree else value
+    changed = ", ".join(f"{path} = {one_line(str(value)):.80}" for path, value in shown.items())
     return [f"values that differ from those of {config.source.name}: {changed}"] if changed else []
 
 
@@ -152,7 +156,9 @@ def sizing_subject(
 def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:
     """The scene with overrides, which its configuration keeps for the notes of a sizing. Raises InputError."""
     changed = scene.with_overrides(overrides)
-    return replace(changed, config=replace(changed.config, overrides={**scene.config.overrides, **overrides}))
+    return replace(
+        changed, config=replace(changed.config, overrides={**scene.config.overrides, **scene.declared(overrides)})
+    )
 
 
 def mechanism_and_motions(

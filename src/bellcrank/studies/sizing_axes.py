@@ -20,7 +20,7 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_designs import RATINGS
 from bellcrank.config.fields import parse_number
 from bellcrank.elements.element import Bound
-from bellcrank.elements.parameters import parameter_bounds, target_of
+from bellcrank.elements.parameters import is_of_the_tree, parameter_bounds, parameter_name, target_of
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.entry_kinds import DwellEntry, JoinEntry
@@ -36,7 +36,6 @@ SMALLEST = 1e-9  # of numbers above 0 that certainly fit
 _PAYLOAD = re.compile(r"\Apayloads?(?:\.(\d+))?\.(mass|cg|inertia)(?:\.(\w+))?\Z")
 _DURATION = re.compile(r"\Amotions\.(.+)\.duration\Z")
 _RATING = re.compile(r"\Aactuators\.(.+)\.(\w+)\Z")
-_NOT_IN_NAMES = re.compile(r"\W")
 
 
 class DesignAxis(Protocol):
@@ -117,7 +116,7 @@ def changes_of(scene: Scene, axes: Sequence[DesignAxis]) -> tuple[Scene, tuple[C
         if not axis.numeric:
             change, target = Change(kind="override", path=axis.path), ""
         if target:
-            name = _parameter_name(axis.path, [*scene.parameters, *declared])
+            name = parameter_name(axis.path, [*scene.parameters, *declared])
             declared[name] = {"value": _present(scene, *change.places[0]), "sets": [target]}
             change = Change(**{**vars(change), "path": name})
         found.append(change)
@@ -133,6 +132,12 @@ def changes_of(scene: Scene, axes: Sequence[DesignAxis]) -> tuple[Scene, tuple[C
     if declared:
         scene = scene.with_overrides({f"parameters.{name}": entry for name, entry in declared.items()})
     return scene, tuple(found)
+
+
+def present_value(scene: Scene, path: str) -> float:
+    """The number (SI) of the robot's tree that a path names. Raises InputError for what does not exist."""
+    change, _ = _change(scene, path)
+    return _present(scene, *change.places[0])
 
 
 def factors(axes: Sequence[DesignAxis], changes: Sequence[Change]) -> Array:
@@ -159,7 +164,7 @@ def _change(scene: Scene, path: str) -> tuple[Change, str]:
         return Change(
             kind="parameter", path=name, unit=parameter.unit, places=parameter.places, bounds=bounds, moves=moves
         ), ""
-    target = path if path.partition(".")[0] in ("link", "joint", "frame") else _payload_target(scene, path)
+    target = path if is_of_the_tree(path) else _payload_target(scene, path)
     if target:
         try:
             settable, place = target_of(target, scene.robot, parts)
@@ -231,14 +236,6 @@ def _duration(scene: Scene, path: str) -> Change | None:
         if limited or joined:
             return None
     return Change(kind="duration", path=path, unit="s", owner=match[1])
-
-
-def _parameter_name(path: str, taken: Sequence[str]) -> str:
-    """A name for the parameter of a path."""
-    name = _NOT_IN_NAMES.sub("_", path)
-    while name in taken or not name[0].isalpha():
-        name = f"varied_{name}"
-    return name
 
 
 def _present(scene: Scene, frame: int, what: int) -> float:

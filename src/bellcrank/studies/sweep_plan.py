@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.scene import Scene
@@ -20,7 +21,7 @@ from bellcrank.studies.design_space import DesignSpace
 from bellcrank.studies.samples import LARGEST_SEED, PointSet, Sample
 from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.simulation_runner import SimulationRunner
-from bellcrank.studies.sizing_axes import unit_of
+from bellcrank.studies.sizing_axes import present_value, unit_of
 from bellcrank.studies.sizing_runner import SizingRunner
 
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
@@ -58,6 +59,11 @@ def plan_sweep(
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
     axes = _axes(scene, vary, lambda path: None)
+    of_tree = {
+        axis.path: present_value(scene, axis.path) for axis in axes if axis.numeric and is_of_the_tree(axis.path)
+    }
+    if of_tree:
+        scene = scene.with_overrides(of_tree)  # declares parameters, which are inputs of the equations
     _refuse_repeated(scene, axes)
     space = DesignSpace(axes, _sample(scene, axes, sample))
     for axis in axes:
