@@ -280,7 +280,7 @@ def test_set_of_size_speaks_as_simulate_does(capsys: pytest.CaptureFixture[str])
     for change, message in (
         ("actuatorz=3", "unknown key or parameter 'actuatorz'; did you mean 'actuators'?"),
         ("gravity", "expected PATH=VALUE"),
-        ("link.bob.mass=3", "declare a parameter in the scene"),
+        ("link.bobb.mass=3", "unknown link 'bobb'; did you mean 'bob'?"),
     ):
         said = []
         for command in ("size", "select", "simulate"):

@@ -13,7 +13,6 @@ from bellcrank.commands.output_files import list_on_failure, output_path
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
-from bellcrank.notes import reached
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
@@ -170,12 +169,14 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
     print(
         f"\n{result.scene.name}: {len(result)} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
     )
-    for note in result.notes:
+    if result.check is not None:
+        print(f"check: {result.check}")
+    for note in (*result.not_known, *(note for note in result.notes if note.matter != "reached")):
         print(f"{note.label}: {note}")
     if result.space.sample is not None:
         print(f"sample: {result.space.sample.identity}")
         if result.space.sample.note:
             print(f"note: {result.space.sample.note}")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}{file_note(result)}")
-    known = result.finished and not reached(result.notes)
+    known = result.finished and not result.not_known
     return (0 if known else 1) if result.complete else 130

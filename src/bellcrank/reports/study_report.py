@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.errors import InputError
-from bellcrank.notes import reached
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
@@ -144,8 +143,11 @@ def study_document(
         partial=bool(failed) or not sweep.complete or any(one.exceeded for one in found),
         verdict=tuple(_verdict(sweep, measures, found, statistics, sensitivity)),
         about=("study of designs", sweep.scene.source.name, kind, *about(made)),
-        warnings=(),
-        notes=(*sweep.notes, *([sample.note] if sample is not None and sample.note else [])),
+        warnings=sweep.not_known,
+        notes=(
+            *(note for note in sweep.notes if note.matter != "reached"),
+            *([sample.note] if sample is not None and sample.note else []),
+        ),
         still=Still(float(first.time[-1]), "A design whose first measure is the median of all, at its end"),
         parts=tuple(parts),
     )
@@ -160,7 +162,7 @@ def _status(sweep: Sweep, found: Sequence[Exceedance]) -> str:
     worst = max((one.probability for one in found if one.exceeded), default=0.0)
     if worst:
         return f"A limit is exceeded with a probability of {100.0 * worst:.3g} %"
-    return "Not known" if reached(sweep.notes) else "OK"
+    return "Not known" if sweep.not_known else "OK"
 
 
 def _verdict(

@@ -204,7 +204,22 @@ class Scene(Portable):
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
     def declared(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
-        """The overrides, with a parameter for each number of the robot's tree (link.NAME.mass). Raises InputError."""
+        """Declare a parameter for each override of a number of the robot's tree, such as link.NAME.mass.
+
+        Args:
+            overrides: New values by dotted path.
+
+        Returns:
+            The overrides, with paths of the tree replaced by the parameters that set them.
+
+        Raises:
+            InputError: There is no such link, joint or number.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_scene("pendulum").declared({"link.rod.mass": 2.0})
+            {'parameters.link_rod_mass': {'value': 2.0, 'sets': ['link.rod.mass']}}
+        """
         if not isinstance(overrides, Mapping):
             return overrides  # which `apply_overrides` refuses
         changes, declared = dict[str, Any](), dict[str, Any]()

@@ -14,7 +14,7 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.notes import Note
+from bellcrank.notes import Note, reached
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns, varies
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
+    from bellcrank.studies.sweep_check import SweepCheck
 
 Array = NDArray[np.float64]
 
@@ -111,6 +112,33 @@ class Sweep(Portable):
     def reasons(self) -> Mapping[int, str]:
         """Why a design did not reach its target, by its row; none where it did."""
         return self.columns.reasons
+
+    @cached_property
+    def check(self) -> SweepCheck | None:
+        """Up to 32 designs run again with a tolerance that is smaller by 100, when asked for the first time.
+
+        None for sizings, after an interruption, and where the tolerance is varied.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> swept = bc.sweep("four_bar", {"crank_length": [1.22, 1.23, 1.24]})
+            >>> swept.check.shares["lock.time"] < 1e-6
+            True
+        """
+        from bellcrank.studies.sweep_check import check_sweep
+
+        return check_sweep(self)
+
+    @property
+    def not_known(self) -> tuple[Note, ...]:
+        """Why designs are not known, a sentence each: what acts and is not modelled, and what is noise (`check`).
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.sweep("four_bar", {"crank_length": [1.22, 1.23, 1.24]}).not_known
+            ()
+        """
+        return (*reached(self.notes), *(() if self.check is None else self.check.notes))
 
     def column(self, measure: str) -> Array:
         """Get a measure of each design.
