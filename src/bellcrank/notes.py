@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable
 from typing import Any, Final, Literal, get_args
 
 Matter = Literal["information", "changes", "reached"]
-Omission = Literal["", "force", "loop", "servo", "gravity"]
+Omission = Literal["", "force", "loop", "servo", "gravity", "limit", "contact", "friction"]
 MATTERS: Final[tuple[Matter, ...]] = get_args(Matter)
 OMISSIONS: Final[tuple[Omission, ...]] = get_args(Omission)
 _ORDER: Final = {matter: k for k, matter in enumerate(("reached", "changes", "information"))}
@@ -21,8 +21,8 @@ class Note(str):
 
     Attributes:
         matter: "information"; "changes": what is left out can change the result; or "reached": it does.
-        omits: What of a file is left out that acts on the motion: "force", "loop", "servo" or "gravity"; empty:
-            nothing.
+        omits: What of a file is left out that acts on the motion: "force", "loop", "servo" or "gravity"; or is
+            reached by it: "limit", "contact" or "friction"; empty: nothing.
         joints: The joints on which an omitted servo acts.
         where: The file that says it; empty where it is not of a file.
         time: When it is reached first, s; None where it is not reached, or always is.
@@ -69,6 +69,10 @@ class Note(str):
         """The note as data that JSON can hold."""
         found = {"text": str(self), "matter": self.matter, "file": self.where or None, "time": self.time}
         return {key: value for key, value in found.items() if value is not None}
+
+    def record(self) -> dict[str, Any]:
+        """All of the note as data that JSON can hold; `Note(**record)` is the note again."""
+        return {"text": str(self), **vars(self), "joints": list(self.joints)}
 
     def data(self) -> str | dict[str, Any]:
         """The note as an entry of a scene's key `notes`: its text, or a mapping where it is more than information."""
@@ -118,5 +122,5 @@ def in_use(notes: Iterable[str], driven: Collection[str] | None, gravity: bool) 
         if note.omits in ("force", "loop") or (note.omits == "gravity" and gravity) or (note.omits == "servo" and idle):
             found.append(note.updated(matter="reached"))
         else:
-            found.append(note.updated(matter="information") if note.omits else note)
+            found.append(note.updated(matter="information") if note.omits in ("servo", "gravity") else note)
     return tuple(found)

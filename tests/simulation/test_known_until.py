@@ -55,7 +55,7 @@ def test_warnings_and_summary_say_from_when_on_a_run_is_not_known(run):
 def test_a_report_of_a_run_that_is_not_known_is_not_ok(run, tmp_path):
     text = bc.report(run, tmp_path / "report.html").read_text()
     assert "Self-checks passed" not in text and "not known beyond" in text
-    assert '<span class="word">Warnings</span>' in text
+    assert '<span class="word">Not known</span>' in text
 
 
 def test_the_file_of_a_run_keeps_until_when_it_is_known(run, tmp_path):

@@ -18,8 +18,8 @@ from bellcrank.reports.input_tables import (
     robot_facts,
     scene_facts,
 )
+from bellcrank.simulation.reached import left_ranges
 from bellcrank.simulation.run_plot import run_pages
-from bellcrank.simulation.run_warnings import run_notes
 from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts
 
 if TYPE_CHECKING:
@@ -32,9 +32,11 @@ NOTES = 8  # notes listed
 
 def run_document(run: Trajectory) -> Document:
     """The report of a run, in SI units; long lists are shortened."""
-    against, notes = (*_non_finite(run), *run.warnings), run_notes(run)
-    warnings = (*against, *run.robot.inertia_warnings)
-    more = len(notes) - NOTES
+    against, leaving = (*_non_finite(run), *run.warnings), left_ranges(run)
+    hidden = {*leaving[NOTES:]}
+    warnings = (*(text for text in against if text not in hidden), *run.robot.inertia_warnings)
+    if hidden:
+        warnings += (f"… and {len(hidden)} more joints that leave their range",)
     facts = tuple((name, text) for name, text in run_facts(run) if name not in ("warning", "note", "not known"))
     parts: list[Facts | Table | Picture] = [Facts("The run", facts), *_events(run), *_constraints(run), _end(run)]
     inputs = (*robot_facts(run.robot), *scene_facts(run))
@@ -56,11 +58,7 @@ def run_document(run: Trajectory) -> Document:
         verdict=_verdict(run, against),
         about=("simulation", run.scene.source.name, facts[0][1], *about(made)),
         warnings=warnings,
-        notes=(
-            *notes[:NOTES],
-            *([f"… and {more} more joints that leave their range"] if more > 0 else ()),
-            *run.notes[len(notes) :],
-        ),
+        notes=tuple(note for note in run.notes if note.matter != "reached"),
         still=_still(run),
         parts=tuple(parts),
     )

@@ -13,6 +13,7 @@ from bellcrank.files.access import FileAccess
 from bellcrank.robot.mjcf_actuators import read_motors
 from bellcrank.robot.mjcf_bodies import Body, BodyReader
 from bellcrank.robot.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
+from bellcrank.robot.mjcf_contacts import floors_of
 from bellcrank.robot.mjcf_element import read_mjcf_elements
 from bellcrank.robot.mjcf_equality import EqualityReader, fixed_tendons
 from bellcrank.robot.mjcf_inertia import InertiaReader, total_scale
@@ -60,9 +61,12 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     joints = joints_of(bodies)
     efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
     urdf = UrdfWriter(bodies, visuals.of(bodies), efforts).text(root.attributes.get("model", "") or source.stem)
+    floors, contacts = floors_of(bodies)
     return RobotFile(
         source=source,
         urdf=urdf,
+        floors=floors,
+        contacts=contacts,
         loops=tuple(loops),
         springs=tuple(springs_of(joints)),
         motors=motors.motors,

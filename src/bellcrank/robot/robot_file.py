@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 from xml.parsers import expat
 
 from bellcrank.errors import InputError
@@ -117,6 +117,25 @@ class JointMotor:
 Loop = FrameLoop | JointCoupling | JointRelation
 
 
+class Floor(NamedTuple):
+    """A plane that is fixed in the world: a point (m) and its unit normal, on whose side bodies are."""
+
+    name: str
+    point: tuple[float, ...]
+    normal: tuple[float, ...]
+
+
+class ContactShape(NamedTuple):
+    """A shape of a link that would touch floors (their numbers): its kind, size (m) as in MJCF, and place (4 × 4)."""
+
+    name: str
+    link: str
+    kind: str
+    size: tuple[float, ...]
+    place: tuple[tuple[float, ...], ...]
+    floors: tuple[int, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class RobotFile:
     """What a robot file says.
@@ -134,6 +153,8 @@ class RobotFile:
         keyframe: What the file calls the start, such as "the keyframe 'home'"; empty where it does not give one.
         gravity: Acceleration of gravity in the world, m/s²; None: not given.
         notes: What the file says and is not modelled, one sentence each.
+        floors: Planes that are fixed in the world.
+        contacts: The shapes that would touch them.
     """
 
     source: Path
@@ -147,6 +168,8 @@ class RobotFile:
     keyframe: str = ""
     gravity: Vector3 | None = None
     notes: tuple[str, ...] = ()
+    floors: tuple[Floor, ...] = ()
+    contacts: tuple[ContactShape, ...] = ()
 
 
 Reader = Callable[[str, Path, FileAccess], RobotFile]  # of the file's text, its path, and which files it may name

@@ -81,6 +81,8 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     )
     if file.is_dir():
         run = until_turned_over(run)  # this is done when a run ends
+    elif about["notes"] is not None:
+        vars(run)["notes"] = tuple(about["notes"])  # some are of files that this one does not hold
     run.remember_origin(file)
     until = about["known_until"]
     if estimate is not None or until is not None:

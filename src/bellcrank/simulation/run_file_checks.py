@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
+from bellcrank.notes import MATTERS, OMISSIONS, Note
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.settings import ERROR_BOUND, STABILISATIONS, Settings, Stabilisation
 from bellcrank.simulation.json_checks import (
@@ -64,12 +65,17 @@ _STATISTICS = keys(
         "longest_step": maybe(amount), "omitted_events": named(count),
     }
 )  # fmt: skip
+_NOTE = keys(
+    {"text": text, "matter": one_of(MATTERS), "omits": one_of(OMISSIONS), "joints": each(text), "where": text,
+     "time": maybe(amount)}
+)  # fmt: skip
 _ABOUT = keys(
     {
         "format": text, "version": count, "scene": text, "urdf": path, "files": named(text),
         "status": lambda value, name: Status(one_of(tuple(Status))(value, name)),
         "settings": lambda value, name: Settings(**_SETTINGS(value, name)),
         "statistics": _STATISTICS, "error_estimate": maybe(amount), "known_until": maybe(amount),
+        "notes": maybe(each(lambda value, name: Note(**_NOTE(value, name)))),
         "events": each(keys({"name": text, "stopped": flag})),
         "signals": each(keys({"derivatives": count, "kinked": flag})),
         "versions": anything, "machine": anything,
@@ -82,7 +88,7 @@ def checked_about(about: dict[str, Any]) -> dict[str, Any]:
 
     Raises ValueError, or InputError where a setting is out of its range.
     """
-    about = {"known_until": None} | about  # files of 0.5 do not have it, nor the bound
+    about = {"known_until": None, "notes": None} | about  # files of 0.5 do not have them, nor the bound
     if isinstance(about.get("settings"), dict):
         about["settings"] = {"error_bound": ERROR_BOUND} | about["settings"]
     found: dict[str, Any] = _ABOUT(about, "")

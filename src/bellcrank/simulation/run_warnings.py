@@ -1,4 +1,4 @@
-"""Reasons not to trust a run, and neutral notes on it."""
+"""Reasons not to trust a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
-from bellcrank.notes import Note
 from bellcrank.simulation.error_estimate import DRIFTED, departure
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # relative, above which a run is not to be trusted
 LARGEST_CONSTRAINT_RESIDUAL = 1e-3  # rad, or of the mechanism's characteristic length
 EVENT_TOLERANCE = 1e-6  # of an event function's largest value, by which it may miss zero at the event
-LIMIT_TOLERANCE = 1e-9  # rad, or of the larger end of a range in m, by which a joint may pass its limit
 STIFF, SLOW = 0.1, 20_000  # of the steps, and evaluations: by so many stiff steps a long run is slowed down
 NOISE = 1e-7  # of the energies: rounding and tolerance
 
@@ -177,27 +175,3 @@ def _missed_events(run: Trajectory) -> list[str]:
         for it in run.statistics.unresolved
         if not it.undefined
     ]
-
-
-def run_notes(run: Trajectory) -> tuple[Note, ...]:
-    """A sentence for each joint that starts within its range in the URDF and leaves it."""
-    notes = []
-    for j in run.robot.joints:
-        if j.nq != 1:
-            continue
-        q, lower, upper = run.position[:, j.q], float(run.robot.lower[j.q]), float(run.robot.upper[j.q])
-        edge = LIMIT_TOLERANCE * (
-            max(abs(lower), abs(upper)) if j.kind == "prismatic" and np.isfinite([lower, upper]).all() else 1.0
-        )
-        outside = (q < lower - edge) | (q > upper + edge)
-        if not outside.any() or outside[0]:  # scene_notes has those that start outside
-            continue
-        unit = "m" if j.kind == "prismatic" else "rad"
-        far = q[np.argmax(np.maximum(q - upper, lower - q))]
-        time = float(run.time[outside.argmax()])
-        text = (
-            f"joint '{j.name}' leaves its range at {time:.4g} s: it reaches {far:.6g} {unit}, the URDF allows "
-            f"{lower:.6g} to {upper:.6g} {unit}; joint limits are not enforced"
-        )
-        notes.append(Note(text, "reached", time=time))
-    return tuple(notes)

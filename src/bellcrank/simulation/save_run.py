@@ -46,6 +46,7 @@ def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
     file cannot be written.
     """
     about, arrays = file_contents(run)
+    about["notes"] = [note.record() for note in run.notes]
     nq, nv = run.robot.nq, run.robot.nv
     arrays |= {
         "time": run.time,

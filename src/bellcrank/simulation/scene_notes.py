@@ -43,7 +43,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[Note, ...]
     information = (
         *_limits(scene), *_targets(scene), *_signals(scene, duration), *_paths(scene), *_drives(scene, duration)
     )  # fmt: skip
-    found = [Note(text, "reached", time=scene.initial.clock) for text in _start(scene)]
+    found = [Note(text, "reached", "limit", time=0.0) for text in _start(scene)]
     found += [Note(text, "changes") for text in changes]
     return (*found, *map(Note, information), *file_notes(scene))
 

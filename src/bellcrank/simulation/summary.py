@@ -13,7 +13,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.error_estimate import unasked_accuracy
-from bellcrank.simulation.run_warnings import run_notes
+from bellcrank.simulation.reached import left_ranges
 
 if TYPE_CHECKING:
     from bellcrank.simulation.events import Event
@@ -92,7 +92,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):
         rows.append(("constraint residual", f"{run.constraint_residual():.1e} (unit length of rotations)"))
-    leaving, against = run_notes(run), {*run.not_known}
+    leaving, against = left_ranges(run), {*run.not_known}
     rows += [("not known", text) for text in leaving[:LEAVING]]
     if len(leaving) > LEAVING:
         rows.append(("", f"… and {_count(len(leaving) - LEAVING, 'more joint')} that leave their range"))

@@ -332,10 +332,10 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0).notes
             ()
         """
-        from bellcrank.simulation.run_warnings import run_notes
+        from bellcrank.simulation.reached import reached_notes
         from bellcrank.simulation.scene_notes import scene_notes
 
-        return ranked((*run_notes(self), *scene_notes(self.scene, self.settings.duration)))
+        return ranked((*reached_notes(self), *scene_notes(self.scene, self.settings.duration)))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import BellcrankError
-from bellcrank.notes import Note
+from bellcrank.notes import Note, Omission
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import FINEST_RTOL
-from bellcrank.simulation.run_warnings import run_notes
+from bellcrank.simulation.reached import may_reach, reached_notes
 from bellcrank.simulation.simulate import simulate
 from bellcrank.studies.simulation_runner import SimulationRunner
 
@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 DESIGNS, SEED = 32, 28  # run again
 FINER = 100.0  # times the tolerance, or a quarter of a fixed step
 NOISE = 0.1  # of the spread of a measure, from which its table is noise
+REACHED: dict[Omission, tuple[str, str]] = {
+    "limit": ("leaves its range", "joint limits are not enforced"),
+    "contact": ("goes through a floor", "contacts are not modelled"),
+    "friction": ("creeps where friction would hold it", "Coulomb friction is smoothed"),
+}
 OF_THE_COMPUTATION = ("energy_drift", "constraint_residual")  # measures that are errors themselves
 
 
@@ -75,15 +80,16 @@ def check_sweep(sweep: Sweep) -> SweepCheck | None:
         whole, new = sweep.column(name), again.measures.get(name)
         if new is None or name in OF_THE_COMPUTATION:
             continue
-        gap = np.abs(whole[rows] - new)
-        gap = gap[np.isfinite(gap)]
-        finite = whole[np.isfinite(whole)]
-        if not len(gap) or not len(finite):
-            continue
-        differences[name] = float(gap.max())
-        absolute, relative = sweep.noise
-        if np.ptp(finite) > absolute + relative * np.abs(finite).max():
-            shares[name] = float(np.sqrt(np.mean(gap**2)) / finite.std())
+        with np.errstate(all="ignore"):  # measures may be infinite, or overflow here
+            gap = np.abs(whole[rows] - new)
+            gap, finite = gap[np.isfinite(gap)], whole[np.isfinite(whole)]
+            if not len(gap) or not len(finite):
+                continue
+            differences[name] = float(gap.max())
+            absolute, relative = sweep.noise
+            spread = float(finite.std())
+            if np.isfinite(spread) and np.ptp(finite) > absolute + relative * np.abs(finite).max():
+                shares[name] = float(np.sqrt(np.mean(gap**2)) / spread)
     bad = [name for name, share in shares.items() if share > NOISE]
     if bad:
         worst = max(bad, key=lambda name: shares[name])
@@ -98,7 +104,7 @@ def check_sweep(sweep: Sweep) -> SweepCheck | None:
     if changed := int((before != after).sum()):
         text = f"{changed} of {len(rows)} designs run again at rtol {finer.settings.rtol:.0e} end otherwise"
         noise.append(Note(text, "reached"))
-    noise += _left_ranges(sweep, rows)
+    noise += _reached(sweep, rows)
     return SweepCheck(
         designs=tuple((sweep.index[rows]).tolist()),
         rtol=finer.settings.rtol,
@@ -118,26 +124,26 @@ def _finer(scene: Scene) -> Scene:
     return scene.with_overrides(changes)
 
 
-def _left_ranges(sweep: Sweep, rows: NDArray[np.int64]) -> list[Note]:
-    """A note on each joint that leaves its range in some of the designs, with the first time and its design."""
-    robot = sweep.scene.robot
-    if not (np.isfinite(robot.lower).any() or np.isfinite(robot.upper).any()):
+def _reached(sweep: Sweep, rows: NDArray[np.int64]) -> list[Note]:
+    """A note on each thing that some of the designs reach and that is not modelled, with the first time and design."""
+    if not may_reach(sweep.scene):
         return []
     designs = SimulationRunner(sweep.scene, sweep.axes).designs
-    found = defaultdict[str, list[tuple[float, int, Note]]](list)
+    found = defaultdict[tuple[Omission, str], list[tuple[float, int]]](list)
     for row in rows.tolist():
         try:
             run = simulate(sweep.scene.with_overrides(designs.overrides(sweep.values[row].tolist())))
         except BellcrankError:
             continue  # it is infeasible, which the table says
-        for note in run_notes(run):
-            found[note.split("'")[1]].append((note.time or 0.0, int(sweep.index[row]), note))
+        for note in reached_notes(run):
+            who = "'".join(note.split("'")[:2])  # joint 'elbow
+            found[note.omits, who].append((note.time or 0.0, int(sweep.index[row])))
     notes = []
-    for joint, all_of in found.items():
-        first = min(all_of)
+    for (omits, who), all_of in found.items():
+        (time, design), (does, why) = min(all_of), REACHED[omits]
         text = (
-            f"joint '{joint}' leaves its range in {len(all_of)} of {len(rows)} designs that were looked at, first at "
-            f"{first[0]:.4g} s in design {first[1]}; joint limits are not enforced"
+            f"{who}' {does} in {len(all_of)} of {len(rows)} designs that were looked at, first at {time:.4g} s in "
+            f"design {design}; {why}"
         )
-        notes.append(Note(text, "reached", time=first[0]))
+        notes.append(Note(text, "reached", omits, time=time))
     return notes

@@ -15,6 +15,7 @@ from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
 from bellcrank.motion.hermite import smooth_between
+from bellcrank.notes import reached
 from bellcrank.replays.film.arrows import (
     RunFrames,
     SceneFrames,
@@ -200,9 +201,10 @@ def _contact_point_function(run: Trajectory, trajectory: SampledTrajectory, disk
 
 def _timeline_events(run: Trajectory, events: Sequence[Event], end: float) -> tuple[TimelineEvent, ...]:
     found = [TimelineEvent(event.time, _event_text(run, event)) for event in events[:MOST_EVENTS]]
+    found += [TimelineEvent(note.time, note) for note in reached(run.notes) if note.time is not None]
     if not run.success:
         found.append(TimelineEvent(end, f"{run.status}: {run.reason}"))
-    return tuple(found)
+    return tuple(sorted(found, key=lambda event: event.time))
 
 
 def _event_text(run: Trajectory, event: Event) -> str:
