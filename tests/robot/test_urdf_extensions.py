@@ -51,6 +51,16 @@ FRAMES = {
 }  # fmt: skip
 
 
+BUSHING = """<frame name="q" link="b1" xyz="0.2 0 0.03" rpy="0 0.2 0"/>
+<drake:linear_bushing_rpy>
+  <drake:bushing_frameA name="a2"/><drake:bushing_frameC name="q"/>
+  <drake:bushing_torque_stiffness value="12 9 7"/><drake:bushing_torque_damping value="0.4 0.3 0.2"/>
+  <drake:bushing_force_stiffness value="120 90 70"/><drake:bushing_force_damping value="3 2 1"/>
+</drake:linear_bushing_rpy>"""
+CLOSING = """<gazebo><joint name="close" type="ball"><parent>b2</parent><child>a2</child><pose>0.4 0 0.1 0 0 0</pose>
+</joint></gazebo>"""
+
+
 def same_run(one, other):
     """Whether two scenes have the same run."""
     first, second = bc.simulate(one), bc.simulate(other)
@@ -76,6 +86,32 @@ def test_gazebos_spring_stiffness_is_a_spring_at_the_joint(tmp_path) -> None:
     same_run(scene(tmp_path, urdf(gazebo)), scene(tmp_path, urdf(), forces=[spring]))
 
 
+def test_drakes_bushing_is_a_bushing_between_frames(tmp_path) -> None:
+    """Its accelerations are those of Drake in test_drake.py."""
+    bushing = {
+        "kind": "bushing", "frame_a": "a2", "frame_b": "q", "torque_stiffness": [12, 9, 7],
+        "torque_damping": [0.4, 0.3, 0.2], "force_stiffness": [120, 90, 70], "force_damping": [3, 2, 1],
+    }  # fmt: skip
+    turned = {"q": {"link": "b1", "xyz": [0.2, 0.0, 0.03], "rpy": [0.0, 0.2, 0.0]}}
+    same_run(scene(tmp_path, urdf(BUSHING)), scene(tmp_path, urdf(), frames=turned, forces=[bushing]))
+
+
+def test_a_bushings_power_is_the_work_and_its_loads_balance(tmp_path) -> None:
+    """T + V − W is constant, and the forces on its frames are opposite, their moments about one point too."""
+    run = bc.simulate(scene(tmp_path, urdf(BUSHING)))
+    assert run.energy_drift() < 1e-7 and np.ptp(run.work) > 0.1
+    assert run.equation_residual() < 1e-9
+
+
+def test_gazebos_ball_joint_closes_a_loop_where_the_links_are_at_zero(tmp_path) -> None:
+    """At zero the point (0.4, 0, 0.1) of a2 is at x = 0.8; b2 begins at 0.7 + 0.4, so that it is at −0.3 there."""
+    loop = {"kind": "point", "name": "close", "frame_a": "end_a", "frame_b": "end_b"}
+    ends = {"end_a": {"link": "a2", "xyz": [0.4, 0.0, 0.1]}, "end_b": {"link": "b2", "xyz": [-0.3, 0.0, 0.1]}}
+    start = {"ja1": 0.1, "ja2": {"guess": -0.2}, "jb1": {"guess": 0.1}, "jb2": {"guess": 0.1}}
+    one = scene(tmp_path, urdf(CLOSING), initial=start)
+    same_run(one, scene(tmp_path, urdf(), frames=ends, constraints=[loop], initial=start))
+
+
 def test_drakes_rotor_inertia_counts_with_the_square_of_the_gear_ratio(tmp_path) -> None:
     drive = (
         '<transmission type="SimpleTransmission"><joint name="ja1"/><actuator name="m">'
@@ -89,13 +125,18 @@ def test_drakes_rotor_inertia_counts_with_the_square_of_the_gear_ratio(tmp_path)
 @pytest.mark.parametrize(
     ("element", "words"),
     [
-        ('<drake:linear_bushing_rpy name="b"/>', "<drake:linear_bushing_rpy> adds a bushing"),
+        (BUSHING.replace('"a2"', '"a3"'), "unknown frame 'a3'"),
+        (BUSHING.replace('<drake:bushing_frameC name="q"/>', ""), "has no <drake:bushing_frameC>"),
+        (BUSHING.replace("12 9 7", "12 -9 7"), "expected numbers of 0 or more, found -9"),
+        (BUSHING.replace('link="b1"', 'link="b9"'), "unknown link 'b9'"),
+        (CLOSING.replace("<parent>b2", "<parent>b9"), "joint 'close', <parent>: unknown link 'b9'"),
+        (CLOSING.replace("<pose>", '<pose relative_to="b2">'), "expected a pose in the child link 'a2', found 'b2'"),
         ("<drake:tendon_constraint/>", "couples joints by a tendon"),
         ('<drake:joint name="x" type="ball"/>', "adds a joint"),
         ("<drake:spline_thing/>", "<drake:spline_thing> is not known"),
         ('<constraint name="c"/>', "<constraint> closes a loop"),
         ("<loop_joints/>", "<loop_joints> closes a loop"),
-        ('<gazebo><joint name="close" type="ball"/></gazebo>', '<gazebo> closes a loop with <joint name="close">'),
+        (CLOSING.replace("ball", "revolute"), "<gazebo> closes a loop with <joint name=\"close\">, type 'revolute'"),
         (BALL.replace('"a2"', '"a3"'), "unknown link 'a3'"),
         (BALL.replace('<drake:ball_constraint_p_AP value="0.4 0 0"/>', ""), "has no <drake:ball_constraint_p_AP>"),
         (BALL.replace("0.4 0 0", "0.4 0"), "ball_constraint_p_AP"),

@@ -261,3 +261,28 @@ def test_checkpoints_of_a_sampled_loop_open_as_a_run(tmp_path):
     row = int(np.argmin(np.abs(part.time - 0.9)))
     assert part.joint("spin").actuator_torque[row] == pytest.approx(whole.joint("spin").actuator_torque[0], abs=1e-9)
     assert part.joint("spin").position[row] == pytest.approx(whole.joint("spin").position[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.08])
+@pytest.mark.parametrize("split", [0.3, 0.32], ids=["at a sample", "between samples"])
+def test_a_run_that_goes_on_from_a_saved_one_keeps_what_a_discrete_controller_holds(tmp_path, split, delay):
+    """In two parts as in one: its states, the torques that wait, and when it samples."""
+    scene = {
+        "urdf": "planar_2r", "gravity": [0, -9.81, 0], "initial": {"shoulder": 0.3, "elbow": -0.5},
+        "simulate": {"duration": 0.6, "rtol": 1e-12, "atol": 1e-12},
+        "control": [{
+            "name": "servo", "kind": "state_space", "joints": ["shoulder", "elbow"], "A": [[0.9, 0.1], [0.0, 0.8]],
+            "B": [[0.02, 0.0], [0.01, 0.03]], "C": [[30.0, -5.0], [4.0, 12.0]], "D": [[25.0, 1.0], [-2.0, 8.0]],
+            "inputs": ["0.4 - shoulder.position", "-0.3 - elbow.position"], "sample_time": PERIOD, "delay": delay,
+            "initial": [0.1, -0.2],
+        }],
+    }  # fmt: skip
+    (tmp_path / "arm.yaml").write_text(json.dumps(scene))
+    whole = bc.simulate(tmp_path / "arm.yaml")
+    bc.simulate(tmp_path / "arm.yaml", duration=split).save(tmp_path / "half.npz")
+    rest = bc.simulate(tmp_path / "arm.yaml", duration=0.6 - split, overrides={"initial": {"run": "half.npz"}})
+    np.testing.assert_allclose(rest.state[-1, :4], whole.state[-1, :4], atol=1e-9)  # the work counts anew
+    rest.save(tmp_path / "rest.npz")  # it holds the start of the controller too
+    (tmp_path / "half.npz").unlink()
+    again = bc.simulate(bc.load_run(tmp_path / "rest.npz").scene)
+    np.testing.assert_allclose(again.state[-1], rest.state[-1], atol=1e-12)

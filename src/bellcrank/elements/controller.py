@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from bellcrank.elements.controller_fields import Driven, Gain, unit_of
@@ -40,6 +40,7 @@ class ControlContext:
         motion_of: Computes one of them by its name.
         formulas: Reads expressions.
         clock: The clock at the start of a simulation, s.
+        held: What sampled controllers held at the end of the run that is continued, by the name of their signal.
     """
 
     driven: Driven
@@ -47,6 +48,7 @@ class ControlContext:
     motion_of: Callable[[str], Motion]
     formulas: FormulaReader
     clock: float
+    held: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The forces of a scene: springs, dampers, friction, torques and wrenches.
+"""The forces of a scene: springs, dampers, bushings, friction, torques and wrenches.
 
 Each entry of the list `forces` has a `kind`, an optional `name`, and the keys of its kind (joint_forces.py,
 spherical_spring.py and frame_forces.py), in SI units unless other units are written. The work W of a simulation is that
@@ -10,14 +10,16 @@ from __future__ import annotations
 from typing import Final
 
 from bellcrank.config.fields import Fields
+from bellcrank.elements.bushing import Bushing
 from bellcrank.elements.element import Force, named_entries
 from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.frame_forces import Spring, Wrench
 from bellcrank.elements.joint_forces import Damper, Friction, JointForce, JointLoad, JointSpring, Torque
 from bellcrank.elements.spherical_spring import SphericalSpring
 
-KINDS: Final[dict[str, type[JointForce | SphericalSpring | Spring | Wrench]]] = {
-    cls.kind: cls for cls in (JointSpring, SphericalSpring, Spring, Damper, Friction, Torque, JointLoad, Wrench)
+KINDS: Final[dict[str, type[JointForce | SphericalSpring | Spring | Wrench | Bushing]]] = {
+    cls.kind: cls
+    for cls in (JointSpring, SphericalSpring, Spring, Damper, Friction, Torque, JointLoad, Wrench, Bushing)
 }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -46,6 +46,11 @@ class Instants:
     period: float
 
 
+def samples_of(name: str) -> str:
+    """The name of the signal of what the controller of this name holds."""
+    return f"samples of control {name}"
+
+
 @dataclass(frozen=True)
 class Sampled(Controller):
     """A controller that is sampled. `clock` is that of the start of the simulation, s."""
@@ -78,8 +83,12 @@ class Sampled(Controller):
     @property
     def samples(self) -> HeldSource:
         """Its states, the torques that wait, and the torques at its joints."""
-        torques = [0.0] * (len(self.joints) * (self.waiting + 2))
-        return held_source(f"samples of {self.owner} {self.name}", [*self.start, *torques])
+        return held_source(samples_of(self.name), self.held_start)
+
+    @property
+    def held_start(self) -> Sequence[float]:
+        """What it holds at the start."""
+        return (*self.start, *[0.0] * (len(self.joints) * (self.waiting + 2)))
 
     @property
     def instants(self) -> tuple[Instants, ...]:
@@ -119,7 +128,9 @@ class StateSpace(Sampled):
 
     `inputs` are the formulas y, references included. A (n × n), B (n × inputs), C (joints × n) and D (joints × inputs)
     are keys, or keys of a YAML or JSON `file`, which may hold `sample_time` too; a missing D is 0, and a system without
-    A, B and C is the gain D. Source: K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), ch. 2.
+    A, B and C is the gain D. `holds` are its states, the torques that wait and those that act at the start; by default
+    those of the saved run that the scene continues, else `initial` and 0. Source: K. J. Åström and B. Wittenmark,
+    Computer-Controlled Systems (3rd ed. 1997), ch. 2.
     """
 
     inputs: tuple[Expression, ...]
@@ -129,12 +140,14 @@ class StateSpace(Sampled):
     d: Matrix
     initial: tuple[float, ...]
     text: str = field(default="", repr=False, compare=False)  # of its file
+    holds: tuple[float, ...] = ()
     kind: ClassVar[str] = "state_space"
 
     @classmethod
     def read(cls, name: str, read: Fields, context: ControlContext) -> Self:
         """Read it from its entry. Raises InputError naming file and key."""
-        known = ("joint", "joints", "inputs", "A", "B", "C", "D", "sample_time", "delay", "limit", "initial", "file")
+        known = ("joint", "joints", "inputs", "A", "B", "C", "D", "sample_time", "delay", "limit", "initial", "file",
+                 "holds")  # fmt: skip
         read.known(*known)
         driven = context.driven
         joints = read_joints(read, driven, driven.joints)
@@ -168,12 +181,22 @@ class StateSpace(Sampled):
             raise read.error("delay", f"expected at most {MOST_WAITING} sample times, found {delay / sample_time:.6g}")
         initial = read.vector("initial", n, "", (0.0,) * n)
         limit = read_limit(read, joints, driven.robot)
-        return cls(name, read, joints, limit, sample_time, delay, context.clock, inputs, a, b, c, d, initial, text)
+        found = cls(name, read, joints, limit, sample_time, delay, context.clock, inputs, a, b, c, d, initial, text)
+        holds = context.held.get(samples_of(name), ())
+        width = found.samples.width
+        if "holds" in read:
+            holds = read.vector("holds", width)
+        return replace(found, holds=tuple(holds)) if len(holds) == width else found
 
     @property
     def states(self) -> int:
         """n."""
         return len(self.a)
+
+    @property
+    def held_start(self) -> Sequence[float]:
+        """What it holds at the start: what it held at the end of the run that is continued, or ξ_0 and no torques."""
+        return self.holds or super().held_start
 
     @property
     def start(self) -> Sequence[float]:

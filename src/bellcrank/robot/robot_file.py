@@ -103,6 +103,19 @@ class FrameSpring:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FrameBushing:
+    """A bushing that holds the frame b at a: N m/rad, N m s/rad about roll, pitch, yaw, and N/m, N s/m along axes."""
+
+    name: str
+    a: FramePlace
+    b: FramePlace
+    torque_stiffness: Vector3
+    torque_damping: Vector3
+    force_stiffness: Vector3
+    force_damping: Vector3
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointMotor:
     """A motor at a joint: the joint turns `gear` times slower than the motor; `effort` is the largest torque or force
     at the joint (N m or N), None where the file gives none.
@@ -146,7 +159,7 @@ class RobotFile:
             (attribute `pitch`, m per revolution).
         loops: Closed loops and couplings of joints.
         loop_file: The resolved path of another file that the loops were read from, or None.
-        springs: Springs at joints, and between points.
+        springs: Springs at joints and between points, and bushings.
         motors: Motors at joints.
         rotor_inertia: Rotor inertia reflected to the joint, by joint, kg m² (kg for prismatic joints).
         start: Positions of joints at the start, by joint (rad or m, or all coordinates of the joint); None: not given.
@@ -161,7 +174,7 @@ class RobotFile:
     urdf: str
     loops: tuple[Loop, ...] = ()
     loop_file: Path | None = None
-    springs: tuple[JointSpring | SphericalSpring | FrameSpring, ...] = ()
+    springs: tuple[JointSpring | SphericalSpring | FrameSpring | FrameBushing, ...] = ()
     motors: tuple[JointMotor, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float | tuple[float, ...]] | None = None

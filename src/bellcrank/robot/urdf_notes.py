@@ -6,12 +6,13 @@ from difflib import get_close_matches
 from functools import lru_cache
 
 from bellcrank.notes import Note
-from bellcrank.robot.urdf_extensions import BALL, SPRING
+from bellcrank.robot.urdf_extensions import BALL, BUSHING, SPRING
 from bellcrank.robot.urdf_loops import TAGS
 from bellcrank.robot.xml_tree import Element
 
 CHILDREN = {  # of the elements that are read, what they may contain
-    "robot": ("link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control", BALL, SPRING, *TAGS),
+    "robot": ("link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control", "frame",
+              BALL, SPRING, BUSHING, *TAGS),
     "link": ("inertial", "visual", "collision"),
     "joint": ("origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic", "calibration",
               "safety_controller"),
@@ -27,6 +28,7 @@ ATTRIBUTES = {
     "child": ("link",),
     "axis": ("xyz",),
     "axis2": ("xyz",),
+    "frame": ("name", "link", "xyz", "rpy"),
     "limit": ("lower", "upper", "effort", "velocity"),
     "dynamics": ("damping", "friction"),
     "mimic": ("joint", "multiplier", "offset"),

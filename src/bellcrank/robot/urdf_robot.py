@@ -12,7 +12,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
 from bellcrank.robot.joint_types import motor_notes, with_joint_names, with_joint_types, without_motor
 from bellcrank.robot.robot_file import JointMotor, RobotFile
-from bellcrank.robot.urdf_extensions import ball_constraints, refuse_unread, rotor_inertias, springs
+from bellcrank.robot.urdf_extensions import ball_constraints, gazebo_balls, refuse_unread, rotor_inertias, springs
 from bellcrank.robot.urdf_loops import loops_of
 from bellcrank.robot.urdf_notes import unused
 from bellcrank.robot.xacro_text import expanded
@@ -41,7 +41,7 @@ def read_urdf_robot(
     file = RobotFile(
         source=source,
         urdf=text,
-        loops=(*loops_of(robot, fail), *ball_constraints(robot, fail)),
+        loops=(*loops_of(robot, fail), *ball_constraints(robot, fail), *gazebo_balls(robot, fail)),
         springs=springs(robot, fail),
         rotor_inertia=rotor_inertias(robot, fail),
         notes=(*unnamed, *unused(robot)),

@@ -22,6 +22,7 @@ from bellcrank.robot.load import xacro_text
 from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot_file import (
     WORLD,
+    FrameBushing,
     FramePlace,
     FrameSpring,
     JointCoupling,
@@ -122,7 +123,7 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
 
 
 def _spring(
-    spring: JointSpring | SphericalSpring | FrameSpring, file: RobotFile, frames: dict[str, Any]
+    spring: JointSpring | SphericalSpring | FrameSpring | FrameBushing, file: RobotFile, frames: dict[str, Any]
 ) -> dict[str, Any]:
     if isinstance(spring, FrameSpring):
         return {
@@ -133,6 +134,17 @@ def _spring(
             "stiffness": spring.stiffness,
             "damping": spring.damping,
             "free_length": spring.free_length,
+        }
+    if isinstance(spring, FrameBushing):
+        return {
+            "kind": "bushing",
+            "name": spring.name,
+            "frame_a": _frame(f"{spring.name}_a", spring.a, file, frames),
+            "frame_b": _frame(f"{spring.name}_b", spring.b, file, frames),
+            "torque_stiffness": list(spring.torque_stiffness),
+            "torque_damping": list(spring.torque_damping),
+            "force_stiffness": list(spring.force_stiffness),
+            "force_damping": list(spring.force_damping),
         }
     entry = {"name": f"spring_{spring.joint}", "joint": spring.joint, "stiffness": spring.stiffness}
     if isinstance(spring, SphericalSpring):

@@ -10,8 +10,8 @@ the new run starts at 0; `clock` is the value of t for expressions, tables and m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,11 +36,16 @@ UNIT = 1e-6  # difference of a quaternion's length from 1; in saved runs it is a
 
 @dataclass(frozen=True)
 class RunScene:
-    """The facts that a start uses from the scene inside a run: robot, clock at time 0 (s), names of latching events."""
+    """The facts that a start uses from the scene inside a run.
+
+    They are the robot, the clock at time 0 (s), the names of latching events, and the names and widths of the signals
+    that the run found, which are its last ones.
+    """
 
     robot: Robot
     clock: float
     latches: frozenset[str]
+    held: tuple[tuple[str, int], ...] = ()
 
 
 SceneReader = Callable[[Path], RunScene]
@@ -48,13 +53,17 @@ SceneReader = Callable[[Path], RunScene]
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """A row of a saved run: joints, position (nq,), velocity (nv,) and clock, s."""
+    """A row of a saved run: joints, position (nq,), velocity (nv,), clock, s, and what sampled controllers held.
+
+    Where they sample at that time, it is what they held before: the run that starts there samples then.
+    """
 
     name: str
     joints: tuple[RobotJoint, ...]
     position: Array
     velocity: Array
     clock: float
+    held: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def write_position(self, robot: Robot, q: Array) -> None:
         """Write the position into q (nq,) of a robot with these joints."""
@@ -127,7 +136,23 @@ def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -
         v = _latch_velocity(file, arrays, robot)
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
         raise InputError(f"{file}: the state at {times[k]:.6g} s is not finite; start from an earlier `time`")
-    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.clock)
+    signals = about.get("signals")
+    count = len(signals) if isinstance(signals, list) else 0
+    held = _held(arrays, count, scene.held, float(times[k]))
+    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.clock, held)
+
+
+def _held(arrays: Mapping[str, Array], count: int, named: Sequence[tuple[str, int]], time: float) -> dict[str, Any]:
+    """What the held signals of a run were just before a time (s), by name; those that do not fit are left out."""
+    found = {}
+    for k, (name, width) in enumerate(named, start=count - len(named)):
+        breaks, values = (arrays.get(f"signal_{k}_{part}") for part in ("breaks", "coefficients"))
+        if breaks is None or values is None or values.shape != (len(breaks) - 1, 1, width):
+            continue
+        row = int(np.searchsorted(breaks[:-1], time - SAME * max(1.0, time))) - 1
+        if row >= 0 and np.isfinite(values[row]).all():
+            found[name] = tuple(values[row, 0].tolist())
+    return found
 
 
 def _latch_velocity(file: Path, arrays: Mapping[str, Array], robot: Robot) -> Array:

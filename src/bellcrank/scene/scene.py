@@ -470,7 +470,8 @@ def load_held_scene(source: Path) -> Scene:
 def scene_of_run(source: Path) -> RunScene:
     """The facts that a start takes from the scene inside a saved run. Raises InputError as `load_scene` does."""
     scene = load_held_scene(source)
-    return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch))
+    held = tuple((source.name, source.width) for source in scene.held_sources)
+    return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch), held)
 
 
 def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
@@ -500,7 +501,15 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     motors = config.actuated or config.joints_with_actuators
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
     control = read_control(
-        read, ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock)
+        read,
+        ControlContext(
+            Driven.of(robot, motors),
+            config.motions,
+            motion_of,
+            formulas,
+            initial.clock,
+            {} if initial.saved is None else initial.saved.held,
+        ),
     )
     refuse_joints_off_paths(constraints, control, robot, config.motions)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)

@@ -22,7 +22,7 @@ from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
-from bellcrank.elements.sampled_controllers import FunctionController
+from bellcrank.elements.sampled_controllers import FunctionController, StateSpace
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.robot.joints import LENGTHS
@@ -145,6 +145,9 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
     data = gathered(scene.data)
     if scene.initial.saved is not None:
         data |= explicit_start(scene)  # the state itself: the run that it came from may be gone
+        for entry, part in zip(data.get("control", ()), scene.control, strict=False):
+            if isinstance(part, StateSpace) and part.holds:
+                entry["holds"] = list(part.holds)
     data |= _without_catalogue(scene, data)
     data.pop("xacro_args", None)  # the URDF is the expanded one
     data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
