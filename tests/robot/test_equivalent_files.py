@@ -194,6 +194,19 @@ def test_motors_of_fixed_and_mimic_joints_are_notes(tmp_path):
         bc.load_robot(tmp_path / "r.urdf")
 
 
+def test_a_yaml_of_loops_beside_a_urdf_of_another_name_is_named(tmp_path):
+    (tmp_path / "r.urdf").write_text(chain(HINGE.format("hip", ""), HINGE.format("knee", "")))
+    (tmp_path / "legs.yaml").write_text("closed_loop: [[hip, knee]]\ntype: [3d]\n")
+    [note] = bc.simulate(tmp_path / "r.urdf", duration=0.1).notes
+    assert "legs.yaml beside it closes loops (closed_loop) and is not used" in note and "r.yaml" in note
+    assert note.matter == "changes"
+    scene = "urdf: r.urdf\nconstraints: [{kind: gepetto, file: legs.yaml}]\n"
+    (tmp_path / "scene.yaml").write_text(scene)
+    assert not [note for note in bc.load_scene(tmp_path / "scene.yaml").notes if "beside it" in note]
+    (tmp_path / "legs.urdf").write_text(chain(HINGE.format("hip", "")))  # to which it belongs
+    assert bc.load_robot(tmp_path / "r.urdf").notes == ()
+
+
 def test_joints_without_a_name_are_named_after_their_links(tmp_path):
     bare = HINGE.format("", "").replace('name="" ', "")
     (tmp_path / "r.urdf").write_text(chain(HINGE.format("l2_joint", ""), bare))

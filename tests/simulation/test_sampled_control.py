@@ -284,5 +284,5 @@ def test_a_run_that_goes_on_from_a_saved_one_keeps_what_a_discrete_controller_ho
     np.testing.assert_allclose(rest.state[-1, :4], whole.state[-1, :4], atol=1e-9)  # the work counts anew
     rest.save(tmp_path / "rest.npz")  # it holds the start of the controller too
     (tmp_path / "half.npz").unlink()
-    again = bc.simulate(bc.load_run(tmp_path / "rest.npz").scene)
+    again = bc.simulate(bc.load_run(tmp_path / "rest.npz").scene, duration=0.6 - split)
     np.testing.assert_allclose(again.state[-1], rest.state[-1], atol=1e-12)

@@ -6,6 +6,7 @@ the joints with motors, and `joint_name` and `joint_type` give joints another ty
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,9 +16,11 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_YAML, FileAccess, read_bytes
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.notes import Note
 from bellcrank.robot.robot_file import FrameLoop, FramePlace
 
 SUFFIXES = (".yaml", ".yml")
+MOST_FILES = 50  # of a folder that are looked at
 KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 
 
@@ -68,6 +71,26 @@ def gepetto_beside(urdf: Path, access: FileAccess) -> Path | None:
         if path.is_file() and access.allows(path) and b"closed_loop" in read_bytes(path, MOST_YAML):
             return path if "closed_loop" in read_yaml(path) else None
     return None
+
+
+def gepetto_of_others(urdf: Path, access: FileAccess) -> tuple[Note, ...]:
+    """A note on each YAML of Gepetto in the folder of a URDF that closes loops and belongs to no URDF by its name."""
+    if access.held or not urdf.parent.is_dir():
+        return ()
+    found = []
+    listed = itertools.islice((path for path in sorted(urdf.parent.iterdir()) if path.suffix in SUFFIXES), MOST_FILES)
+    for path in listed:
+        named = any(path.with_suffix(suffix).is_file() for suffix in (".urdf", ".xacro"))
+        if named or path.stem == urdf.stem or not path.is_file() or not access.allows(path):
+            continue
+        if path.stat().st_size > MOST_YAML or b"\nclosed_loop" not in b"\n" + path.read_bytes():
+            continue
+        text = (
+            f"{path.name} beside it closes loops (closed_loop) and is not used; where it belongs to this file, call it "
+            f"{urdf.with_suffix('.yaml').name}, or name it under 'constraints' of a scene"
+        )
+        found.append(Note(text, "changes"))
+    return tuple(found)
 
 
 def _names(data: Mapping[str, Any], key: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
-from bellcrank.robot.gepetto_file import gepetto_beside, read_gepetto
+from bellcrank.robot.gepetto_file import gepetto_beside, gepetto_of_others, read_gepetto
 from bellcrank.robot.joint_types import motor_notes, with_joint_names, with_joint_types, without_motor
 from bellcrank.robot.robot_file import JointMotor, RobotFile
 from bellcrank.robot.urdf_extensions import ball_constraints, gazebo_balls, refuse_unread, rotor_inertias, springs
@@ -44,7 +44,7 @@ def read_urdf_robot(
         loops=(*loops_of(robot, fail), *ball_constraints(robot, fail), *gazebo_balls(robot, fail)),
         springs=springs(robot, fail),
         rotor_inertia=rotor_inertias(robot, fail),
-        notes=(*unnamed, *unused(robot)),
+        notes=(*unnamed, *unused(robot), *(gepetto_of_others(source, access) if beside is None else ())),
     )
     return file if beside is None else _with_gepetto(file, robot, beside)
 

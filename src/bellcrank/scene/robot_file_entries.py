@@ -177,6 +177,8 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
             path = fields.access.folder / str(entry["file"])
             if fields.access.allows(path) and path.is_file():  # otherwise refused where the constraints are read
                 gepetto = read_gepetto(path)
+                others = tuple(note for note in file.notes if not note.startswith(f"{path.name} beside it"))
+                file = replace(file, notes=others)
                 urdf, notes = with_joint_types(file.urdf, gepetto.joint_types, path)
                 notes += motor_notes(path, without_motor(urdf, path, gepetto.motors))
                 file = replace(file, urdf=urdf, notes=tuple(dict.fromkeys((*file.notes, *notes))))
