@@ -26,6 +26,8 @@ NOISE = 0.01  # of the largest acceleration: more noise of rounding than this ma
 SPREAD = (6.0, 3.0)  # times rounding / h^order: the noise in accelerations of a spline of positions, velocities
 FAR = 4.0  # times rounding: how far the curve may pass a position
 UNDETERMINED = 0.02  # of the largest acceleration: by this the curve may exceed the samples' differences
+NEGLIGIBLE = 1e-6  # of the largest acceleration of all joints: a smaller one is not looked at
+ROUNDINGS = 64.0  # of the samples, whose differences are no acceleration
 
 
 def sampled_motion(
@@ -156,9 +158,14 @@ def _undetermined(motion: Motion, time: Array, values: Array, order: int) -> tup
     acceleration = np.concatenate([motion.acceleration, motion.at(between)[2]])
     times = np.concatenate([motion.time, between])
     notes = []
+    spacing = np.diff(time)
+    least = spacing[spacing > 0.0].min(initial=np.inf)
+    largest = np.abs(acceleration).max(initial=0.0)
     for joint in motion.joints:
         if joint.nv != 1:
             continue
+        given = np.abs(values[:, joint.q if order == 2 else joint.v]).max(initial=0.0)
+        nothing = max(1e-9, NEGLIGIBLE * largest, ROUNDINGS * float(np.spacing(given)) / least**order)
         known = 0.0
         for rows in (slice(a, b) for a, b in pairwise(edges)):
             if rows.stop - rows.start > order:
@@ -166,7 +173,7 @@ def _undetermined(motion: Motion, time: Array, values: Array, order: int) -> tup
                 ends = [2.0 * mean[0] - mean[1], 2.0 * mean[-1] - mean[-2]] if len(mean) > 1 else []
                 known = max(known, float(np.abs([*mean, *ends]).max()))
         size = np.abs(acceleration[:, joint.v])
-        if size.max() > (1.0 + UNDETERMINED) * known + 1e-9:
+        if size.max() > (1.0 + UNDETERMINED) * known + nothing:
             unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
             what = "positions" if order == 2 else "velocities"
             notes.append(
