@@ -86,6 +86,8 @@ def _verdict(run: Trajectory, warnings: tuple[str, ...]) -> tuple[str, ...]:
             text += f", and the residual of the constraints {run.constraint_residual():.1e} m or rad"
         error = "is not estimated" if known is None else f"is about {known.estimate:.1e} rad or m"
         lines.append(f"{text}; the error of the positions {error}.")
+    elif run.not_known:
+        lines.append("the run is not known: it depends on what is not modelled, or its error is too large; see below.")
     return tuple(line[:1].upper() + line[1:] for line in lines)
 
 

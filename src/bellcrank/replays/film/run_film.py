@@ -97,7 +97,8 @@ def film_of_run(
         sampled = sample_frames(trajectory, bodies, points, [event.time for event in events], progress, arrows)
         run_frames = _run_frames(run, sampled.time, sampled.position, sampled.velocity, sampled.frame_pose)
         springs, rods = tuple(scene_springs(run_frames)), tuple(scene_rods(run_frames))
-        facts = [("ended", run.message.removeprefix(f"{scene.name}: ")), *named_facts(run_facts(run))]
+        ended = run.message.removeprefix(f"{scene.name}: ") + ("; it is not known" if run.not_known else "")
+        facts = [("ended", ended), *named_facts(run_facts(run))]
     facts.sort(key=lambda fact: FIRST_FACTS.index(fact[0]) if fact[0] in FIRST_FACTS else len(FIRST_FACTS))
     ends = [*(spring.ends for spring in springs), *(rod.ends for rod in rods)]
     view = camera_scene(sampled, sampled.arrows, [each.reshape(-1, 3) for each in ends])
