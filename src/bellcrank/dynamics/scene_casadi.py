@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bellcrank import arguments
+from bellcrank.dynamics.assembly import assemble
 from bellcrank.dynamics.system import system_of, system_parameters
 
 if TYPE_CHECKING:
@@ -16,11 +17,15 @@ if TYPE_CHECKING:
 def scene_casadi(scene: Scene) -> casadi.Function:
     """The right-hand side of a scene's equations of motion as a casadi Function of expressions.
 
-    Inputs: the time t (s), position q (nq), velocity v (nv), signals u (nu: what tables and motions give at t,
-    `scene.signals_at`), and parameters p (np: the scene's parameters in their order, then alpha and beta of Baumgarte's
+    Inputs: the time t (s), position q (nq), velocity v (nv), signals u (nu: what tables and motions give at t, then
+    what sampled controllers hold, so that a controller of your own can be put there; `scene.signals_at` has both for
+    the start), and parameters p (np: the scene's parameters in their order, then alpha and beta of Baumgarte's
     method where it is used; `scene.own_parameters` has their values). Outputs: q_rate (nq), the acceleration a (nv),
     and the multipliers of the constraints (none without constraints). Forces, control, friction and constraints are
     included, as simulations have them; all in SI units.
+
+    The sides of `abs`, `sign`, `step`, `min`, `max` and `active` follow from t, q and v here; a simulation holds them
+    between the times at which they change, and their entries in u have no effect.
 
     The constraints' equations are solved within the expressions by the proximal method. The usual sizes of their rows,
     by which they are weighted, are numbers: those of the scene's own parameters.
@@ -48,7 +53,8 @@ def scene_casadi(scene: Scene) -> casadi.Function:
     from bellcrank.scene.scene import Scene
 
     arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
-    assembly = system_of(scene).assembly
+    switches = any(part.switches for part in scene.elements)
+    assembly = assemble(scene, held_sides=False) if switches else system_of(scene).assembly
     multipliers = casadi.SX(0, 1) if assembly.solution is None else assembly.solution.proximal.multipliers
     outputs = [assembly.rate, assembly.acceleration, multipliers]
     inputs = [assembly.t, assembly.q, assembly.v, assembly.u]
