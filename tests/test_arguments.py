@@ -628,3 +628,9 @@ def test_the_largest_payload_and_ratio_give_finite_torques() -> None:
     assert np.isfinite(torque).all() and torque[0] > 1e100
     actuator = bc.Actuator(1e49, 1.0, 2.0, 300.0, 400.0, rotor_inertia=1.0)
     assert actuator.reflected_inertia == pytest.approx(1e98)
+
+
+def test_a_prepared_simulation_made_of_something_else_is_refused():
+    for given, words in (((1, {}), "argument 'scene': expected a scene"), ((bc.load_scene("pendulum"), 3), "'given'")):
+        with pytest.raises(bc.InputError, match=words):
+            bc.PreparedSimulation(*given)

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 LONGEST_PATH = 4096  # bytes; limits of file systems
 LONGEST_NAME = 255
+LONGEST_RANGE = 10**7  # numbers of a range, which takes no memory itself
 MOST_ITEMS = 10**6  # of a list of names or objects, so that an endless generator is refused
 
 
@@ -159,6 +160,8 @@ def as_array(name: str, value: object, expected: str = "an array of numbers", wh
     try:
         if isinstance(value, (str, bytes, Mapping, set, frozenset)) or is_masked(value):
             refuse(name, expected, value, where)
+        if isinstance(value, range) and len(value) > LONGEST_RANGE:
+            refuse(name, expected, value, where, f"it has {len(value)} numbers, of at most {LONGEST_RANGE}")
         given = np.asarray(value)
         if given.dtype.kind == "O" and isinstance(value, (list, tuple)):  # fractions, decimals, long integers
             given = np.array([number(f"{name}[{k}]", x) for k, x in enumerate(value)], dtype=np.float64)

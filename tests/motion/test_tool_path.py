@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,15 @@ def test_speed_acceleration_and_jerk_of_the_frame_are_kept_and_reached(arm: bc.R
         largest = np.linalg.norm(values, axis=1).max()
         assert largest <= limit * (1.0 + 2e-5)  # twice differenced at steps of 0.1 ms
         assert largest == pytest.approx(limit, rel=1e-3)
+
+
+def test_a_blend_that_is_nearly_nothing_is_refused(tmp_path):
+    points = [[1.5, 0.9, 0], [1.2, 1.2, 0], [0.9, 1.4, 0]]
+    entry = {"kind": "tool_path", "frame": "tip", "start": {"shoulder": 0.3, "elbow": 0.5}, "points": points,
+             "blend": 1e-223, "speed": 0.2, "acceleration": 1.0, "jerk": 10}  # fmt: skip
+    (tmp_path / "arm.yaml").write_text(json.dumps({"urdf": "planar_2r", "motions": {"m": entry}}))
+    with pytest.raises(bc.InputError, match=r"blend of 1e-223 m at point \d is shorter than 1e-09 of the segment"):
+        bc.size(tmp_path / "arm.yaml")
 
 
 def test_blends_pass_the_corner_at_the_distance_of_the_closed_form_and_need_no_stop(arm: bc.Robot) -> None:

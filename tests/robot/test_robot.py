@@ -351,3 +351,8 @@ def test_the_call_for_one_sample_gives_the_bits_of_the_checked_call(name):
             quick, checked = function(*inputs), function(*[list(x) for x in inputs])
             strided = function(*[np.repeat(x, 2)[::2] for x in inputs])
             assert np.array_equal(quick, checked) and np.array_equal(quick, strided)
+
+
+def test_a_range_that_would_not_fit_into_memory_is_refused():
+    with pytest.raises(bc.InputError, match=r"found a range; it has 1000000000 numbers, of at most"):
+        bc.load_robot("planar_2r").inverse_dynamics(range(10**9), [0, 0], [0, 0])

@@ -113,3 +113,9 @@ def test_arguments_of_a_file_that_has_none_are_refused(tmp_path) -> None:
         bc.load_robot("planar_2r", xacro_args={"length": 1})
     with pytest.raises(InputError, match="xacro_args: unknown argument 'length'"):
         bc.load_robot(written(tmp_path), xacro_args={"length": 1})
+
+
+def test_a_prefix_that_is_not_declared_is_refused(tmp_path) -> None:
+    (tmp_path / "arm.xacro").write_text('<robot name="r"><link name="a"/><foo:bar x="1"/></robot>')
+    with pytest.raises(bc.InputError, match=r"arm\.xacro: .*prefix.*declare it: xmlns"):
+        bc.load_robot(tmp_path / "arm.xacro")

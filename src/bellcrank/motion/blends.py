@@ -23,6 +23,7 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import Array
 
+SHORTEST = 1e-9  # of a segment: the third derivative of a shorter blend overflows
 HALF = 0.5 * (1.0 + 1e-9)  # of a segment: a longer blend would meet the next one
 STEEPEST, MOST_BENT = 15.0 / 8.0, 10.0 / sqrt(3.0)  # largest h' and |h''|
 
@@ -108,6 +109,12 @@ def blended(segments: Sequence[Segment], blends: Sequence[float], title: str, un
                 raise InputError(
                     f"{title}: the blend of {radius:g} {unit} at point {k + first} is longer than half of the segment "
                     f"{side} it, which is {segment.length:.6g} {unit} long; choose at most {most:.6g} {unit} there"
+                )
+            if 0.0 < radius < SHORTEST * segment.length:
+                least = SHORTEST * segment.length
+                raise InputError(
+                    f"{title}: the blend of {radius:g} {unit} at point {k + first} is shorter than {SHORTEST:g} of the "
+                    f"segment {side} it; choose 0, which stops there, or at least {least:.3g} {unit}"
                 )
     return BlendedPath(tuple(segments), tuple(float(radius) for radius in blends))
 

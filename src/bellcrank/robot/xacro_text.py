@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 from unittest import mock
+from xml.parsers import expat
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
@@ -65,7 +66,10 @@ def expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, str
 
     import xacro
 
-    document = xml.dom.minidom.parseString(text.encode("utf-8"))
+    try:
+        document = xml.dom.minidom.parseString(text.encode("utf-8"))
+    except expat.ExpatError as error:
+        raise InputError(f'{source}: xacro: {error}; declare it: xmlns:NAME="…" at <robot>') from None
     declared = set(_ARG.findall(text))
     with _LOCK, _restricted(source, access, declared), contextlib.redirect_stderr(io.StringIO()):
         try:

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.config.numbers import whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.elements.element import entry_names
+from bellcrank.elements.parameters import is_of_the_tree, parameter_name, target_of
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.free_joint_start import START_KEYS
 from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.settings import Settings
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
 
 EXPECTED_OVERRIDES = "a mapping such as {'simulate.rtol': 1e-6}"
 SETTINGS = tuple(field.name for field in fields(Settings))
@@ -93,6 +97,31 @@ def _set(data: SourceMapping, path: str, value: Any) -> None:
                 f"'{at_key}' is {format_value(at)}, not a mapping or a list; cannot set '{'.'.join(keys)}' in it"
             )
     holder.overrides[at_key] = path
+
+
+def declared(scene: Scene, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The overrides, where those of numbers of the robot's tree (link.NAME.mass) set parameters that are declared.
+
+    Raises InputError where there is no such link, joint or number.
+    """
+    if not isinstance(overrides, Mapping):
+        return overrides  # which `apply_overrides` refuses
+    changes, found = dict[str, Any](), dict[str, Any]()
+    for path, value in overrides.items():
+        if not is_of_the_tree(path) or path in scene.parameters:
+            changes[path] = value
+            continue
+        try:
+            target_of(path, scene.robot, (*scene.forces, *scene.control, *scene.constraints))
+        except InputError as error:
+            raise InputError(f"override '{path}': {error}") from None
+        own = next((name for name, parameter in scene.parameters.items() if parameter.sets == (path,)), None)
+        if own is not None:
+            changes[own] = value
+        else:
+            name = parameter_name(path, [*scene.parameters, *found])
+            found[name] = {"value": value, "sets": [path]}
+    return changes | {f"parameters.{name}": entry for name, entry in found.items()}
 
 
 def _with_parameter(data: Mapping[str, Any], path: str, value: Any) -> list[str]:

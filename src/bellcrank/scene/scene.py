@@ -37,7 +37,7 @@ from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
-from bellcrank.elements.parameters import Parameter, is_of_the_tree, parameter_name, read_parameters, target_of
+from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parameters
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
@@ -49,7 +49,7 @@ from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
 from bellcrank.scene.output_terms import OutputTerms
 from bellcrank.scene.outputs import Output, read_outputs
-from bellcrank.scene.overrides import apply_overrides
+from bellcrank.scene.overrides import apply_overrides, declared
 from bellcrank.scene.robot_config import (
     CONFIG_KEYS,
     SCENE_KEYS,
@@ -189,7 +189,7 @@ class Scene(Portable):
             >>> scene.parameter_values.tolist()
             [1.25, 1.2, 1.2, 1.241]
         """
-        overrides = self.declared(overrides)
+        overrides = declared(self, overrides)
         data = apply_overrides(self.source_data, overrides)
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
@@ -202,42 +202,6 @@ class Scene(Portable):
         changed = _read(data, self.source, self.access, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
-
-    def declared(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
-        """Declare a parameter for each override of a number of the robot's tree, such as link.NAME.mass.
-
-        Args:
-            overrides: New values by dotted path.
-
-        Returns:
-            The overrides, with paths of the tree replaced by the parameters that set them.
-
-        Raises:
-            InputError: There is no such link, joint or number.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> bc.load_scene("pendulum").declared({"link.rod.mass": 2.0})
-            {'parameters.link_rod_mass': {'value': 2.0, 'sets': ['link.rod.mass']}}
-        """
-        if not isinstance(overrides, Mapping):
-            return overrides  # which `apply_overrides` refuses
-        changes, declared = dict[str, Any](), dict[str, Any]()
-        for path, value in overrides.items():
-            if not is_of_the_tree(path) or path in self.parameters:
-                changes[path] = value
-                continue
-            try:
-                target_of(path, self.robot, (*self.forces, *self.control, *self.constraints))
-            except InputError as error:
-                raise InputError(f"override '{path}': {error}") from None
-            own = next((name for name, parameter in self.parameters.items() if parameter.sets == (path,)), None)
-            if own is not None:
-                changes[own] = value
-            else:
-                name = parameter_name(path, [*self.parameters, *declared])
-                declared[name] = {"value": value, "sets": [path]}
-        return changes | {f"parameters.{name}": entry for name, entry in declared.items()}
 
     def with_constraint(self, function: Callable[[Symbols], Any], name: str = "own", unit: str = "1") -> Scene:
         """Return a scene with an additional constraint that a Python function defines.

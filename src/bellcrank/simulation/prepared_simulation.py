@@ -100,6 +100,8 @@ class PreparedSimulation:
     """
 
     def __init__(self, scene: Scene, given: Mapping[str, Any]) -> None:
+        arguments.instance("scene", scene, Scene, "a scene", remedy="bc.prepare makes one that is ready to run")
+        given = arguments.mapping("given", given, "a mapping of settings")
         self.scene, self._given = scene, given
         self._integration: Integration = prepare_integration(scene, given)
         self._places = {name: k for k, name in enumerate(scene.parameters)}

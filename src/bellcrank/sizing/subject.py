@@ -19,7 +19,7 @@ from bellcrank.motion.motion import Motion
 from bellcrank.notes import Note, in_use
 from bellcrank.robot.payload import Payload
 from bellcrank.robot.robot import Robot
-from bellcrank.scene.overrides import EXPECTED_OVERRIDES
+from bellcrank.scene.overrides import EXPECTED_OVERRIDES, declared
 from bellcrank.text import one_line
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:
     """The scene with overrides, which its configuration keeps for the notes of a sizing. Raises InputError."""
     changed = scene.with_overrides(overrides)
     return replace(
-        changed, config=replace(changed.config, overrides={**scene.config.overrides, **scene.declared(overrides)})
+        changed, config=replace(changed.config, overrides={**scene.config.overrides, **declared(scene, overrides)})
     )
 
 
