@@ -193,7 +193,9 @@ def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reache
             uses.append(joint.peak_torque / robot.effort_limit[column])
         uses += [joint.peak_speed / robot.velocity_limit[column]]
     assert max(uses) <= 1.0 + 1e-6
-    assert -1e-6 <= found.excess - (max(uses) - 1.0) <= 1e-5  # of the xArm a torque of the URDF is closer to its limit
+    # of the xArm a torque of the URDF is closer to its limit; by the rounding of one processor or another, the cells
+    # of planar_2r are refined otherwise, and the largest use is up to 1.6e-5 below 1
+    assert -1e-6 <= found.excess - (max(uses) - 1.0) <= 2e-5
     durations = np.diff(found.time)
     idle = [not name for name in found.active]
     assert np.sum(durations[idle]) <= 1e-6 * found.duration

@@ -180,10 +180,11 @@ def test_limits_of_a_grid_are_refused(grid, tmp_path):
 @pytest.mark.tier2
 def test_a_click_on_the_map_shows_that_design(page, grid):
     assert page.clean and page.do("b.study.shown.length") == 8
+    marks = np.array([page.do("b.study.pixel(x)", k) for k in range(8)])
     for k in (2, 5, 7):
-        place = page.do("b.study.pixel(x)", k)
-        page.tab.mouse.click(*place)
-        design = page.do("b.study.shown[x]", k)
+        place = np.floor(marks[k])  # browsers report whole pixels, and two marks may be one pixel apart
+        page.tab.mouse.click(*place.tolist())
+        design = page.do("b.study.shown[x]", int(np.hypot(*(marks - place).T).argmin()))
         assert page.do("b.study.current") == design and page.do("b.playing")
         page.do("(b.pause(), b.seek(5.0))")
         crank_length = grid.values[design, 0]

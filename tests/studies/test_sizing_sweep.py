@@ -417,5 +417,5 @@ def test_a_sweep_of_sizings_in_python(capsys: pytest.CaptureFixture[str]) -> Non
         bc.sweep("planar_2r", {"payload.mass": [1.0]}, size=True)
     with pytest.raises(InputError, match="unknown key or parameter 'actuatorz'"):
         bc.sweep("planar_2r", {"actuatorz.elbow.ratio": [1.0]}, size=True)
-    assert main(["sweep", "planar_2r", "--vary", "link.link_2.mass=1,2", "--no-plots"]) == 2
-    assert "declare a parameter" in capsys.readouterr().err
+    assert main(["sweep", "planar_2r", "--vary", "link.link_3.mass=1,2", "--no-plots"]) == 2
+    assert "unknown link 'link_3'; did you mean 'link_2'" in capsys.readouterr().err
