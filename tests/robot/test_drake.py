@@ -17,7 +17,7 @@ def scene(tmp_path, element):
     return bc.load_scene(tmp_path / "arms.urdf", {"simulate.duration": 1e-6, "simulate.samples": 2})
 
 
-@pytest.mark.parametrize("element", ["spring", "bushing"])
+@pytest.mark.parametrize("element", ["bushing", pytest.param("spring", marks=pytest.mark.tier2)])
 def test_accelerations_of_a_spring_damper_and_a_bushing_are_drakes(element, tmp_path):
     """Two arms of three skew joints, with gravity, at random positions and velocities."""
     arms, states = scene(tmp_path, element), np.array(DRAKE[element]["states"])

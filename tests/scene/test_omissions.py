@@ -45,6 +45,10 @@ RATINGS = {"ratio": 20, "rated_torque": 20.0, "peak_torque": 60.0, "rated_speed"
            "rotor_inertia": 1e-5}  # fmt: skip
 
 
+FIRST_TIER = ("contacts", "servo", "tendon spring")
+KINDS = [kind if kind in FIRST_TIER else pytest.param(kind, marks=pytest.mark.tier2) for kind in OMISSIONS]
+
+
 def written(folder, kind, **more):
     (folder / "leg.xml").write_text(LEG.format(**PLAIN | OMISSIONS[kind][0]))
     data = {"urdf": "leg.xml", "motions": {"step": MOTION}, "actuators": {"hip": RATINGS, "knee": RATINGS},
@@ -80,7 +84,7 @@ def note_of(result, text):
     return found[0]
 
 
-@pytest.mark.parametrize("kind", OMISSIONS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_omission_of_a_file_is_a_note_of_every_result_and_reached_where_it_acts(kind, tmp_path):
     path, (_, text, matter, matter_given) = written(tmp_path, kind), OMISSIONS[kind]
     for result in computed(path):
@@ -90,7 +94,7 @@ def test_an_omission_of_a_file_is_a_note_of_every_result_and_reached_where_it_ac
     assert text in bc.load_robot(tmp_path / "leg.xml").notes[-1] or kind != "servo"
 
 
-@pytest.mark.parametrize("kind", OMISSIONS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_verdicts_are_not_known_where_an_omitted_force_loop_or_servo_acts(kind, tmp_path, monkeypatch, capsys):
     path, (_, text, matter, matter_given) = written(tmp_path, kind), OMISSIONS[kind]
     monkeypatch.chdir(tmp_path)

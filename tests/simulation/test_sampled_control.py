@@ -263,7 +263,7 @@ def test_checkpoints_of_a_sampled_loop_open_as_a_run(tmp_path):
     assert part.joint("spin").position[row] == pytest.approx(whole.joint("spin").position[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.05, 0.08])
+@pytest.mark.parametrize("delay", [*(pytest.param(d, marks=pytest.mark.tier2) for d in (0.0, 0.05)), 0.08])
 @pytest.mark.parametrize("split", [0.3, 0.32], ids=["at a sample", "between samples"])
 def test_a_run_that_goes_on_from_a_saved_one_keeps_what_a_discrete_controller_holds(tmp_path, split, delay):
     """In two parts as in one: its states, the torques that wait, and when it samples."""
