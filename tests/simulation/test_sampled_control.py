@@ -282,6 +282,11 @@ def test_a_run_that_goes_on_from_a_saved_one_keeps_what_a_discrete_controller_ho
     bc.simulate(tmp_path / "arm.yaml", duration=split).save(tmp_path / "half.npz")
     rest = bc.simulate(tmp_path / "arm.yaml", duration=0.6 - split, overrides={"initial": {"run": "half.npz"}})
     np.testing.assert_allclose(rest.state[-1, :4], whole.state[-1, :4], atol=1e-9)  # the work counts anew
+    assert any("initial state is not used; it goes on with that of half.npz" in note for note in rest.notes)
+    other = {**scene, "initial": {"run": "half.npz"}, "control": [{**scene["control"][0], "name": "another"}]}
+    (tmp_path / "other.yaml").write_text(json.dumps(other))
+    notes = bc.simulate(tmp_path / "other.yaml", duration=0.01).notes
+    assert any("control 'another' starts anew: half.npz holds no state that fits it" in note for note in notes)
     rest.save(tmp_path / "rest.npz")  # it holds the start of the controller too
     (tmp_path / "half.npz").unlink()
     again = bc.simulate(bc.load_run(tmp_path / "rest.npz").scene, duration=0.6 - split)

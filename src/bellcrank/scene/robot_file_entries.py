@@ -36,6 +36,8 @@ from bellcrank.robot.robot_file import (
 from bellcrank.scene.robot_path import robot_path
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
 
+SPRING: Final = ("stiffness", "damping", "free_length")  # numbers of a spring, and of a bushing
+BUSHING: Final = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")
 CHOICES: Final = ("all", "tree")  # of the key robot_file
 _LISTS: Final = ("constraints", "forces")
 _TABLES: Final = ("frames", "rotor_inertia")
@@ -125,27 +127,11 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
 def _spring(
     spring: JointSpring | SphericalSpring | FrameSpring | FrameBushing, file: RobotFile, frames: dict[str, Any]
 ) -> dict[str, Any]:
-    if isinstance(spring, FrameSpring):
-        return {
-            "kind": "spring",
-            "name": spring.name,
-            "frame_a": _frame(f"{spring.name}_a", spring.a, file, frames),
-            "frame_b": _frame(f"{spring.name}_b", spring.b, file, frames),
-            "stiffness": spring.stiffness,
-            "damping": spring.damping,
-            "free_length": spring.free_length,
-        }
-    if isinstance(spring, FrameBushing):
-        return {
-            "kind": "bushing",
-            "name": spring.name,
-            "frame_a": _frame(f"{spring.name}_a", spring.a, file, frames),
-            "frame_b": _frame(f"{spring.name}_b", spring.b, file, frames),
-            "torque_stiffness": list(spring.torque_stiffness),
-            "torque_damping": list(spring.torque_damping),
-            "force_stiffness": list(spring.force_stiffness),
-            "force_damping": list(spring.force_damping),
-        }
+    if isinstance(spring, FrameSpring | FrameBushing):
+        ends = {f"frame_{k}": _frame(f"{spring.name}_{k}", getattr(spring, k), file, frames) for k in "ab"}
+        kind, keys = ("bushing", BUSHING) if isinstance(spring, FrameBushing) else ("spring", SPRING)
+        numbers = {key: getattr(spring, key) for key in keys}
+        return {"kind": kind, "name": spring.name, **ends, **numbers}
     entry = {"name": f"spring_{spring.joint}", "joint": spring.joint, "stiffness": spring.stiffness}
     if isinstance(spring, SphericalSpring):
         return {"kind": "spherical_spring", **entry}

@@ -21,6 +21,7 @@ from bellcrank.elements.force_table import COMPONENTS
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.sampled_controllers import StateSpace, samples_of
 from bellcrank.motion.limit_notes import FAR_OUT, MOST_TURNED
 from bellcrank.notes import Note
 
@@ -140,6 +141,13 @@ def _saved(scene: Scene) -> Iterator[str]:
                 )
     if saved is None:
         return
+    for control in scene.control:
+        if not isinstance(control, StateSpace) or "holds" in control.place:
+            continue
+        if samples_of(control.name) not in saved.held or not control.holds:
+            yield f"control '{control.name}' starts anew: {saved.name} holds no state that fits it"
+        elif "initial" in control.place:
+            yield f"control '{control.name}': its initial state is not used; it goes on with that of {saved.name}"
     rates = scene.initial.rates(robot, given_posture(scene))
     change = np.abs(v - rates)
     if change.max(initial=0.0) > MOVED * max(1.0, float(np.abs(rates).max(initial=0.0))):
