@@ -112,6 +112,81 @@ def test_gazebos_ball_joint_closes_a_loop_where_the_links_are_at_zero(tmp_path) 
     same_run(one, scene(tmp_path, urdf(), frames=ends, constraints=[loop], initial=start))
 
 
+def _turn(angle, point=(0.2, 0.05)):
+    """A point (x, z) of a link that is turned by an angle about y, and its first derivative by the angle."""
+    (x, z), c, s = point, np.cos(angle), np.sin(angle)
+    return np.array([x * c + z * s, -x * s + z * c]), np.array([-x * s + z * c, -x * c - z * s])
+
+
+class Arms:
+    """The two planar arms by hand: d'Alembert's principle, Σ ∂x/∂q · m (x'' + g) + Σ I_y ω' = Q − 0.1 q'.
+
+    Source: T. R. Kane and D. A. Levinson, Dynamics (1985), ch. 6, with x'' = Σ (∂x/∂θ θ'' − (x − its centre) θ'²).
+    """
+
+    def __init__(self, q, v):
+        self.q, self.v = q, v
+        self.mass, self.force = np.zeros((4, 4)), -0.1 * v
+        for k in (0, 2):
+            for mass, angles in ((1.0, 1), (0.5, 2)):
+                jacobian, bias = self.point(k, angles, (0.2, 0.05))[1:]
+                self.mass += mass * jacobian.T @ jacobian
+                self.force -= mass * jacobian.T @ (bias + [0.0, 9.81])
+                turns = np.zeros(4)
+                turns[k : k + angles] = 1.0
+                self.mass += 0.02 * np.outer(turns, turns)
+
+    def point(self, k, angles, place):
+        """Of the arm whose joints start at k: where a point of its first or second link is, ∂/∂q, and x'' at q'' = 0."""
+        points = [place] if angles == 1 else [(0.4, 0.0), place]
+        x, jacobian, bias = np.array([0.35 * k, 0.0]), np.zeros((2, 4)), np.zeros(2)
+        for j, at in enumerate(points):
+            angle, speed = self.q[k : k + j + 1].sum(), self.v[k : k + j + 1].sum()
+            arm, slope = _turn(angle, at)
+            x, bias = x + arm, bias - arm * speed**2
+            jacobian[:, k : k + j + 1] += slope[:, None]
+        return x, jacobian, bias
+
+
+def starts(scene, count, **guess):
+    """The first rows of runs from random states."""
+    rng = np.random.default_rng(5)
+    names = [joint.name for joint in scene.robot.joints]
+    for _ in range(count):
+        q, v = rng.uniform(-0.4, 0.4, size=(2, 4))
+        free = 1 if guess else 4
+        initial = dict(zip(names[:free], q[:free].tolist(), strict=True)) | guess
+        initial["velocity"] = dict(zip(names[:free], v[:free].tolist(), strict=True))
+        yield bc.simulate(scene, overrides={"initial": initial})
+
+
+def test_accelerations_with_gazebos_spring_are_those_of_equations_by_hand(tmp_path) -> None:
+    gazebo = (
+        '<gazebo reference="ja2"><springStiffness>12</springStiffness><springReference>0.4</springReference></gazebo>'
+    )
+    short = {"duration": 1e-6, "samples": 2}
+    for run in starts(scene(tmp_path, urdf(gazebo), simulate=short), 100):
+        arms = Arms(run.position[0], run.velocity[0])
+        arms.force[1] -= 12.0 * (arms.q[1] - 0.4)
+        a = np.linalg.solve(arms.mass, arms.force)
+        np.testing.assert_allclose(run.acceleration[0], a, rtol=0.0, atol=1e-9 * np.abs(a).max())
+
+
+def test_accelerations_with_gazebos_ball_joint_are_those_of_equations_by_hand(tmp_path) -> None:
+    """M a = f + Jᵀ λ with J a = −J' v, at states that satisfy the closed loop."""
+    guess = {"ja2": {"guess": -0.2}, "jb1": {"guess": 0.1}, "jb2": {"guess": 0.1}}
+    one = scene(tmp_path, urdf(CLOSING), initial={"ja1": 0.1} | guess, simulate={"duration": 1e-6, "samples": 2})
+    for run in starts(one, 100, **guess):
+        arms = Arms(run.position[0], run.velocity[0])
+        ends = [arms.point(0, 2, (0.4, 0.1)), arms.point(2, 2, (-0.3, 0.1))]
+        gap, jacobian, bias = (b - a for a, b in zip(*ends, strict=True))
+        np.testing.assert_allclose(gap, 0.0, atol=1e-9)
+        np.testing.assert_allclose(jacobian @ arms.v, 0.0, atol=1e-9)
+        matrix = np.block([[arms.mass, jacobian.T], [jacobian, np.zeros((2, 2))]])
+        a = np.linalg.solve(matrix, [*arms.force, *-bias])[:4]
+        np.testing.assert_allclose(run.acceleration[0], a, rtol=0.0, atol=1e-9 * np.abs(a).max())
+
+
 def test_drakes_rotor_inertia_counts_with_the_square_of_the_gear_ratio(tmp_path) -> None:
     drive = (
         '<transmission type="SimpleTransmission"><joint name="ja1"/><actuator name="m">'
