@@ -243,7 +243,9 @@ def test_restart_sets_the_earlier_study_aside(tmp_path):
 
 def test_checkpoints_without_a_description_are_refused(tmp_path):
     unfinished(tmp_path)
-    for text in ("{", "[]", '{"identity": 3}', ""):
+    about = {"format": "bellcrank study", "version": 1, "identity": {"bellcrank": 3}, "designs": 1, "measures": []}
+    named = json.dumps(about | {"identity": {}, "measures": [3]})
+    for text in ("{", "[]", '{"identity": 3}', "", json.dumps(about), named):
         (tmp_path / "checkpoints" / "study.json").write_text(text)
         with pytest.raises(InputError, match="does not say what study"):
             resumed(tmp_path)

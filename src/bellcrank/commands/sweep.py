@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,14 +73,14 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.study_folder import StudyFolder
     from bellcrank.studies.sweep import run_sweep
-    from bellcrank.studies.sweep_files import NAMES, write_tables
+    from bellcrank.studies.sweep_files import NAMES, PARTIAL_NAMES, write_tables
     from bellcrank.terminal import interruption
 
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
     executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
-    check_folder("--out", folder, [*NAMES, "sweep.png", *sweep_statistics.NAMES])
+    check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *sweep_statistics.NAMES])
     plan = _plan(arguments)
     sweep_statistics.check_limits(arguments.limits, plan.runner.units)
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
@@ -141,7 +140,7 @@ def _scene(arguments: argparse.Namespace) -> Scene:
 def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: list[Path]) -> int:
     """Print the table, write the picture; returns the exit code."""
     from bellcrank.studies.run_outcomes import UNKNOWN
-    from bellcrank.studies.sweep_files import file_note
+    from bellcrank.studies.sweep_files import NAMES, file_note
 
     measures = arguments.measures or None
     unknown = [name for name in arguments.measures if name not in result.units]
@@ -160,14 +159,13 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
     if len(result) and result.complete:
         with list_on_failure(files, folder):
             sweep_statistics.write_statistics(result, arguments, folder, files)
-    if not result.complete:
-        print(f"\ninterrupted: {len(result)} of {math.prod(result.shape)} designs were run; the same command goes on")
     unclear = int((result.status == UNKNOWN).sum())
     unknown_part = f", {unclear} unknown (see their reasons)" if unclear else ""
     failed = len(result) - result.finished - unclear
     did = ("pass", "do") if arguments.size else ("finished", "did")
+    count = f"{len(result)}" if result.complete else f"{len(result)} of {len(result.space)}"
     print(
-        f"\n{result.scene.name}: {len(result)} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
+        f"\n{result.scene.name}: {count} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
     )
     if result.check is not None:
         print(f"check: {result.check}")
@@ -178,5 +176,9 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
         if result.space.sample.note:
             print(f"note: {result.space.sample.note}")
     print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}{file_note(result)}")
+    if not result.complete:
+        earlier = [name for name in NAMES if (folder / name).exists()]
+        old = f"; {', '.join(earlier)} there: of an earlier sweep" if earlier else ""
+        print(f"interrupted: {len(result)} of {len(result.space)} designs were run; the same command goes on{old}")
     known = result.finished and not result.not_known
     return (0 if known else 1) if result.complete else 130

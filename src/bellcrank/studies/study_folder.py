@@ -127,6 +127,8 @@ class StudyFolder:
             about = json.loads(read_text(path))
             earlier = dict(about["identity"])
             facts = [about[key] for key in ("format", "version", "designs", "measures")]
+            if not (_are_texts(list(earlier.values())) and _are_texts(facts[3])):
+                raise ValueError("not texts")
         except (InputError, ValueError, TypeError, KeyError, RecursionError):
             raise InputError(f"{path}: does not say what study the files beside it belong to; {_REMEDY}") from None
         now = self._about["identity"]

@@ -33,6 +33,7 @@ INSTALL = "pip install 'bellcrank[parquet]'"
 
 MOST_CSV, MOST_JSON = 100_000, 10_000  # designs in such a file
 NAMES = ("sweep.csv", "sweep.json", "sweep.parquet", "sweep.npz")
+PARTIAL_NAMES = tuple(name.replace(".", ".partial.") for name in NAMES)  # of a sweep that was interrupted
 
 
 def has_pyarrow() -> bool:
@@ -42,7 +43,9 @@ def has_pyarrow() -> bool:
 
 def write_tables(sweep: Sweep, folder: Path) -> list[Path]:
     """Write the designs into a folder: sweep.csv, and sweep.json of few; of very many sweep.parquet, or sweep.npz where
-    pyarrow is not installed. Files of these names that are not written now are of an earlier sweep and are removed.
+    pyarrow is not installed. Of a sweep that was interrupted they are sweep.partial.csv and so on. Other files of these
+    names are of an earlier sweep, or of a part of this one: they are removed, but for the files of a whole sweep beside
+    those of a part.
 
     Returns the paths of the files, the first of which holds everything. Raises InputError, which says what is kept.
     """
@@ -53,10 +56,10 @@ def write_tables(sweep: Sweep, folder: Path) -> list[Path]:
     files: list[Path] = []
     try:
         for name, write in kinds:
-            files.append(write(folder / name))
+            files.append(write(folder / (name if sweep.complete else name.replace(".", ".partial."))))
     except InputError as error:
         raise InputError(f"{error}; {f'all designs are in {files[0].name}' if files else 'nothing is kept'}") from None
-    for name in NAMES:
+    for name in (*PARTIAL_NAMES, *(NAMES if sweep.complete else ())):
         if folder / name not in files:
             (folder / name).unlink(missing_ok=True)
     return files

@@ -67,6 +67,13 @@ def test_the_loads_are_those_of_a_robot_that_carries_the_chosen_actuators(mounts
     assert heavier == (mounts.get("elbow", bc.Mount()).link != "base")
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("length", [5e-324, 1e300])
+def test_the_length_of_a_mounts_direction_does_not_matter(length):
+    found = [selected({"elbow": bc.Mount(axis=(size, size, 0.0))}) for size in (1.0, length)]
+    np.testing.assert_array_equal(*(one.cycles[0].torque for one in found))
+
+
 def test_an_included_mass_is_not_counted_twice():
     """The URDF's link_2 carries the very actuator: stated as included it counts once, unstated twice."""
     mounts = {"elbow": bc.Mount(link="link_2")}

@@ -118,6 +118,7 @@ class MountKinematics:
             if carriers[name] == parents[joint]:
                 point, turned = poses[numbers.index(joint)]  # in the neutral position, where the joint is at 0
                 direction = turned @ robot.joint_axis(joint) if axis is None else direction
+            direction = direction / np.abs(direction).max()  # first, or the square of a small number is 0
             direction = direction / np.linalg.norm(direction)
             below = tree.supporting_joints(robot.frame_index(carriers[name]))
             carrier = poses[below[0] - 1] if below else (np.zeros(3), np.eye(3))
