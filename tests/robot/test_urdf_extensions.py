@@ -131,13 +131,13 @@ class Arms:
             for mass, angles in ((1.0, 1), (0.5, 2)):
                 jacobian, bias = self.point(k, angles, (0.2, 0.05))[1:]
                 self.mass += mass * jacobian.T @ jacobian
-                self.force -= mass * jacobian.T @ (bias + [0.0, 9.81])
+                self.force -= mass * jacobian.T @ (bias + np.array([0.0, 9.81]))
                 turns = np.zeros(4)
                 turns[k : k + angles] = 1.0
                 self.mass += 0.02 * np.outer(turns, turns)
 
     def point(self, k, angles, place):
-        """Of the arm whose joints start at k: where a point of its first or second link is, ∂/∂q, and x'' at q'' = 0."""
+        """Of the arm whose joints start at k: a point of its first or second link, its ∂/∂q, and x'' at q'' = 0."""
         points = [place] if angles == 1 else [(0.4, 0.0), place]
         x, jacobian, bias = np.array([0.35 * k, 0.0]), np.zeros((2, 4)), np.zeros(2)
         for j, at in enumerate(points):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -120,11 +121,52 @@ def test_a_worker_with_another_environment_is_refused(cluster, monkeypatch):
 
 
 def test_the_workers_of_a_scheduler_are_used(cluster):
-    address = cluster.executor._client.scheduler.address
-    executor = DaskExecutor(scheduler=address)
-    run = run_study(SmallSpace(COUNT), SmallRunner(), executor)
+    """Its certificates are those of Dask's own settings."""
+    import dask
+
+    address, local = cluster.executor._client.scheduler.address, cluster.executor._local
+    of_client = local.security.get_tls_config_for_role("client")
+    files = {name: of_client[name.replace("-", "_")] for name in ("ca-file", "cert", "key")}
+    ours = {"distributed.comm.tls.ca-file": files["ca-file"]}
+    ours |= {f"distributed.comm.tls.client.{name}": files[name] for name in ("cert", "key")}
+    with dask.config.set(ours), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = run_study(SmallSpace(COUNT), SmallRunner(), DaskExecutor(scheduler=address))
     assert same_columns(run.columns, expected_columns(COUNT))
     assert cluster.executor._client.status == "running"
+
+
+STRANGER = """
+import sys, distributed
+kind, address = sys.argv[1:]
+security = distributed.Security.temporary() if kind == "own" else None
+try:
+    with distributed.Client(address, security=security, timeout=3) as client:
+        print("ran", client.submit(lambda: 6 * 7).result(timeout=3))
+except Exception as error:
+    print("refused", type(error).__name__)
+"""
+
+
+@pytest.mark.parametrize("kind", ["none", "own", "tcp"])
+def test_another_program_of_this_machine_cannot_run_code_on_the_workers(cluster, kind):
+    """Without certificates, with its own, or without TLS, on the scheduler's port and on a worker's."""
+    client = cluster.executor._client
+    for address in (client.scheduler.address, *client.scheduler_info()["workers"]):
+        assert address.startswith("tls://127.0.0.1:")
+        there = address.replace("tls", "tcp") if kind == "tcp" else address
+        process = subprocess.run(
+            [sys.executable, "-c", STRANGER, kind, there], capture_output=True, text=True, timeout=100, check=True
+        )
+        assert process.stdout.startswith("refused"), process.stdout
+    assert run_study(SmallSpace(64), SmallRunner(), cluster).complete
+
+
+def test_keys_of_workers_are_for_this_user_only(cluster):
+    files = sorted(cluster.executor._local._folder.glob("*.pem"))
+    assert [path.stem for path in files] == ["ca_file", "cert", "key"]
+    assert all(path.stat().st_mode & 0o777 == 0o600 for path in files)
+    assert files[0].parent.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.tier2
@@ -142,8 +184,9 @@ def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
 def test_a_scheduler_without_workers_is_said(monkeypatch):
     import distributed
 
-    monkeypatch.setattr(dask_execution, "PATIENCE", 0.3)
+    monkeypatch.setattr(dask_execution, "CONNECTING", 1.0)
     with (
+        pytest.warns(UserWarning, match="has no TLS: whoever can connect to it or its workers can run programs there"),
         distributed.LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL) as empty,
         pytest.raises(InputError, match="has no worker; start some with 'dask worker tcp"),
     ):

@@ -164,9 +164,7 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
     failed = len(result) - result.finished - unclear
     did = ("pass", "do") if arguments.size else ("finished", "did")
     count = f"{len(result)}" if result.complete else f"{len(result)} of {len(result.space)}"
-    print(
-        f"\n{result.scene.name}: {count} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}"
-    )
+    print(f"\n{result.scene.name}: {count} designs, {result.finished} {did[0]}, {failed} {did[1]} not{unknown_part}")
     if result.check is not None:
         print(f"check: {result.check}")
     for note in (*result.not_known, *(note for note in result.notes if note.matter != "reached")):

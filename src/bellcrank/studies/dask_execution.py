@@ -8,6 +8,7 @@ import queue
 import reprlib
 import time
 import uuid
+import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
@@ -26,7 +27,8 @@ IN_FLIGHT = 2  # ranges a thread of a worker: one runs, one waits
 POLL = 0.1  # s between checks for Ctrl-C
 FETCHING = 2.0  # s that a result may take before Ctrl-C is looked for; twice as long after each time that it does not
 LOOK = 1.0  # s between counts of the workers
-CONNECTING, PATIENCE = 10.0, 60.0  # s until a scheduler answers, and until its first worker is there
+CONNECTING = 10.0  # s until a scheduler answers, and until its first worker is there
+PATIENCE = 60.0  # s until a worker that is started here is there
 
 
 class DaskExecutor:
@@ -112,12 +114,20 @@ class DaskExecutor:
         """A client of the cluster; what is opened is closed with `opened`."""
         if self.scheduler is None:
             self._local = opened.enter_context(LocalCluster(dask, distributed, self.workers or 1))
-            client = distributed.Client(self._local.cluster, set_as_default=False, direct_to_workers=True)
+            client = distributed.Client(
+                self._local.cluster, security=self._local.security, set_as_default=False, direct_to_workers=True
+            )
             opened.enter_context(client)
         else:
             client = opened.enter_context(_client(distributed, self.scheduler))
+            if not self.scheduler.startswith("tls://"):
+                warnings.warn(
+                    f"the Dask scheduler {self.scheduler} has no TLS: whoever can connect to it or its workers can run "
+                    "programs there; start it with certificates and name it as tls://…, or use a trusted network",
+                    stacklevel=2,
+                )
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=PATIENCE if self.scheduler is None else CONNECTING)
         except TimeoutError:
             if self._local is not None:
                 raise InputError(f"no Dask worker began to work within {PATIENCE:g} s") from None
@@ -223,6 +233,7 @@ def _missing(error: ModuleNotFoundError) -> InputError:
 
 def _dask() -> tuple[Any, Any]:
     try:
+        import cryptography  # noqa: F401
         import dask
         import distributed
     except ImportError as error:

@@ -2,6 +2,10 @@
 
 The workers are processes of their own session, so that Ctrl-C at a terminal is for this process only, and they do not
 import the program that started them. They end when the scheduler does, in whatever way.
+
+A scheduler and its workers run what they are sent, and any user of this machine can connect to them. So connections
+are encrypted, and both ends have to show a certificate that is made anew for each cluster: its key lies in the memory
+of this process, and for the workers in a folder that only this user can read.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ class LocalCluster:
 
     Attributes:
         cluster: Dask's object, to which a client connects.
+        security: The certificates that a client needs, Dask's object.
         workers: The processes.
     """
 
@@ -43,11 +48,13 @@ class LocalCluster:
         """Raises InputError where processes cannot be started."""
         with contextlib.ExitStack() as opened:
             self._folder = opened.enter_context(temporary_folder("workers"))
+            self.security = self._distributed.Security.temporary()
+            self._certificates = self._written_certificates()
             opened.enter_context(self._dask.config.set(_SETTINGS))
             self.cluster = opened.enter_context(
                 self._distributed.LocalCluster(
-                    n_workers=0, host=HERE, dashboard_address=f"{HERE}:0", scheduler_kwargs={"dashboard": False},
-                    silence_logs=logging.CRITICAL,
+                    n_workers=0, host=HERE, protocol="tls://", security=self.security, dashboard_address=f"{HERE}:0",
+                    scheduler_kwargs={"dashboard": False}, silence_logs=logging.CRITICAL,
                 )
             )  # fmt: skip
             opened.callback(self._kill)
@@ -71,11 +78,21 @@ class LocalCluster:
                     if worker.poll() is not None:
                         self.workers[k] = self._worker()
 
+    def _written_certificates(self) -> list[str]:
+        """The options of a worker that name files of certificates, which only this user can read."""
+        of_worker, options = self.security.get_tls_config_for_role("worker"), []
+        for option, key in (("--tls-ca-file", "ca_file"), ("--tls-cert", "cert"), ("--tls-key", "key")):
+            path = self._folder / f"{key}.pem"
+            path.touch(mode=0o600, exist_ok=False)
+            path.write_text(of_worker[key], encoding="ascii")
+            options += [option, str(path)]
+        return options
+
     def _worker(self) -> subprocess.Popen[bytes]:
         command = [
             sys.executable, "-P", "-m", "distributed.cli.dask_worker", self.cluster.scheduler_address, "--no-nanny",
             "--nthreads", "1", "--memory-limit", "0", "--host", HERE, "--no-dashboard", "--dashboard-address",
-            f"{HERE}:0", "--death-timeout", "60", "--local-directory", str(self._folder),
+            f"{HERE}:0", "--death-timeout", "60", "--local-directory", str(self._folder), *self._certificates,
         ]  # fmt: skip
         found = os.pathsep.join(str(Path(path).absolute()) for path in sys.path)  # what this process can import
         environment = os.environ | {"PYTHONPATH": found} | dict.fromkeys(_THREADS, "1")
