@@ -1,5 +1,7 @@
 """xacro: expanded by the package xacro, without what a file of a stranger must not do."""
 
+import resource
+
 import pytest
 
 import bellcrank as bc
@@ -87,19 +89,24 @@ def argued(tmp_path):
     return path
 
 
-def test_arguments_of_a_xacro_file_are_given_by_argument_by_key_and_on_the_command_line(tmp_path, capsys) -> None:
+def moment(robot) -> float:
+    return robot.urdf.links["one"].inertial.inertia[0]
+
+
+def test_arguments_of_a_xacro_file_are_given_by_argument_and_by_key(tmp_path) -> None:
+    path = argued(tmp_path)
+    assert moment(bc.load_robot(path)) == pytest.approx(2.0 * 0.4**2 / 12.0)
+    assert moment(bc.load_robot(path, xacro_args={"length": 0.6})) == pytest.approx(2.0 * 0.6**2 / 12.0)
+    (tmp_path / "arm.yaml").write_text("urdf: arm.urdf.xacro\nxacro_args: {length: 1.0}\n")
+    assert moment(bc.load_robot_config(tmp_path / "arm.yaml").robot()) == pytest.approx(2.0 / 12.0)
+
+
+@pytest.mark.tier2
+def test_arguments_of_a_xacro_file_are_given_on_the_command_line(tmp_path, capsys) -> None:
     from bellcrank.cli import main
 
     path = argued(tmp_path)
-
-    def moment(robot) -> float:
-        return robot.urdf.links["one"].inertial.inertia[0]
-
-    assert moment(bc.load_robot(path)) == pytest.approx(2.0 * 0.4**2 / 12.0)
-    assert moment(bc.load_robot(path, xacro_args={"length": 0.6})) == pytest.approx(2.0 * 0.6**2 / 12.0)
     assert moment(bc.load_scene(path, {"xacro_args": {"length": 0.8}}).robot) == pytest.approx(2.0 * 0.8**2 / 12.0)
-    (tmp_path / "arm.yaml").write_text("urdf: arm.urdf.xacro\nxacro_args: {length: 1.0}\n")
-    assert moment(bc.load_robot_config(tmp_path / "arm.yaml").robot()) == pytest.approx(2.0 / 12.0)
     command = ["simulate", str(path), "--duration", "0.1", "--no-plots", "--out", str(tmp_path / "run")]
     assert main([*command, "--set", "xacro_args={length: 0.5}"]) == 0
     run = bc.load_run(tmp_path / "run" / "run.npz")
@@ -119,3 +126,40 @@ def test_a_prefix_that_is_not_declared_is_refused(tmp_path) -> None:
     (tmp_path / "arm.xacro").write_text('<robot name="r"><link name="a"/><foo:bar x="1"/></robot>')
     with pytest.raises(bc.InputError, match=r"arm\.xacro: .*prefix.*declare it: xmlns"):
         bc.load_robot(tmp_path / "arm.xacro")
+
+
+CALLS = "".join(
+    f'<xacro:macro name="m{k}">{f"<xacro:m{k - 1}/>" * 10 if k else "<a/>"}</xacro:macro>' for k in range(10)
+)
+DOUBLED = "".join(f'<xacro:property name="n{k}" value="{f"${{n{k - 1}}}" * 2 if k else "a" * 40}"/>' for k in range(24))
+GROWTH = {
+    "10⁹ calls": CALLS + "<xacro:m9/>",
+    "10⁹ letters": "<link name=\"${'x'.rjust(10**9)}\"/>",
+    "names that double": DOUBLED + '<link name="${n23}"/>',
+    "lists that double": "".join(
+        f'<xacro:property name="l{k}" value="${{{f"l{k - 1} + l{k - 1}" if k else "[1, 2, 3]"}}}"/>' for k in range(40)
+    )
+    + '<link name="${len(l39)}"/>',
+}
+
+
+@pytest.mark.parametrize(
+    "growth",
+    [pytest.param(text, id=name, marks=[pytest.mark.tier2] * (k > 0)) for k, (name, text) in enumerate(GROWTH.items())],
+)
+def test_what_grows_without_bound_is_refused_within_the_budget(tmp_path, monkeypatch, growth) -> None:
+    monkeypatch.setenv("BELLCRANK_LOADING_SECONDS", "1")
+    monkeypatch.setenv("BELLCRANK_LOADING_MEMORY", "300")
+    path = tmp_path / "arm.xacro"
+    path.write_text(f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{growth}<link name="a"/></robot>')
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    words = r"arm\.xacro: xacro: (takes more than 1 s of CPU time or 300 MB of memory; expand it by itself|more than)"
+    with pytest.raises(InputError, match=words):
+        bc.load_robot(path)
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before < 2.5
+
+
+def test_a_budget_that_is_no_number_is_refused(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("BELLCRANK_LOADING_SECONDS", "soon")
+    with pytest.raises(InputError, match="BELLCRANK_LOADING_SECONDS: expected a number from 1 to 1e7, found 'soon'"):
+        bc.load_robot(written(tmp_path))

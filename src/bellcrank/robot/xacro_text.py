@@ -3,16 +3,15 @@
 A xacro file contains Python expressions and names of files. Both are restricted here: an expression consists of
 numbers, texts, lists, arithmetic, comparisons, indices and calls of xacro's functions, without comprehensions, lambdas,
 private names or reflection; files must be such as a robot file may name; the environment is not read. The number of
-evaluations is limited.
+evaluations is limited, and the whole runs in a process of its own with limits of CPU time and memory, because a few
+lines of macros and texts can grow without bound.
 """
 
 from __future__ import annotations
 
 import ast
 import contextlib
-import io
 import re
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,7 +20,8 @@ from unittest import mock
 from xml.parsers import expat
 
 from bellcrank.errors import InputError
-from bellcrank.files.access import FileAccess
+from bellcrank.files.access import MOST_TEXT, FileAccess
+from bellcrank.files.limited_process import MEMORY, SECONDS, Budget, OverBudgetError, limited
 from bellcrank.messages import unknown_name
 from bellcrank.robot.xml_tree import parse_xml, read_text
 
@@ -51,17 +51,31 @@ _REFUSED: Final = frozenset(
     )
 )
 _ARG = re.compile(r"""<xacro:arg\b[^>]*?\bname\s*=\s*["']([^"']+)["']""")
-_LOCK = threading.Lock()  # the package keeps its state in module variables
 
 
 def expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, str]) -> str:
-    """The text of a URDF that a xacro text stands for, with values of its <xacro:arg>. Raises InputError."""
+    """The text of a URDF that a xacro text stands for, with values of its <xacro:arg>; see `limited`.
+
+    Raises InputError.
+    """
     if find_spec("xacro") is None:
         raise InputError(
             f"{source}: contains xacro elements; install the extra (pip install 'bellcrank[xacro]'), or expand the "
             "file first: xacro robot.urdf.xacro > robot.urdf"
         )
     parse_xml(text, source)  # entities and nesting are refused here
+    budget = Budget.of_environment()
+    try:
+        return limited(_expanded, budget, text, source, access, dict(args))
+    except OverBudgetError:
+        raise InputError(
+            f"{source}: xacro: takes more than {budget}; expand it by itself (xacro FILE > robot.urdf), or allow more "
+            f"with {SECONDS} and {MEMORY}"
+        ) from None
+
+
+def _expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, str]) -> str:
+    """As `expanded`, in this process: the package keeps its state in module variables."""
     import xml.dom.minidom
 
     import xacro
@@ -71,23 +85,28 @@ def expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, str
     except expat.ExpatError as error:
         raise InputError(f'{source}: xacro: {error}; declare it: xmlns:NAME="…" at <robot>') from None
     declared = set(_ARG.findall(text))
-    with _LOCK, _restricted(source, access, declared), contextlib.redirect_stderr(io.StringIO()):
+    with _restricted(source, access, declared):
         try:
             xacro.init_stacks(str(source.resolve()))
             xacro.process_doc(document, mappings=dict(args))
             for name in args:
                 if name not in declared:
                     raise InputError(f"xacro_args: {unknown_name('argument', name, sorted(declared))}")
-            return str(document.toxml())
+            found = str(document.toxml())
         except RecursionError:
             raise InputError(f"{source}: xacro: macros or files refer to each other without an end") from None
         except Exception as error:  # the package passes on whatever an expression raises
             own = _own_error(error)
+            if isinstance(own, MemoryError):
+                raise own from None
             if own is not None:
                 prefix = "" if str(source) in str(own) else f"{source}: xacro: "
                 raise InputError(f"{prefix}{own}") from None
             message = " ".join(str(error).split())[:300] or type(error).__name__
             raise InputError(f"{source}: xacro: {message}; correct the file, or expand it by itself") from None
+    if len(found) > MOST_TEXT:
+        raise InputError(f"{source}: xacro: stands for more than {MOST_TEXT / 2**20:.0f} MiB of text")
+    return found
 
 
 @contextlib.contextmanager
@@ -149,10 +168,10 @@ def _restricted(source: Path, access: FileAccess, declared: set[str]) -> Iterato
         yield
 
 
-def _own_error(error: BaseException | None) -> InputError | None:
-    """The InputError that an exception of the package wraps."""
+def _own_error(error: BaseException | None) -> InputError | MemoryError | None:
+    """The InputError or MemoryError that an exception of the package wraps."""
     for _ in range(100):
-        if error is None or isinstance(error, InputError):
+        if error is None or isinstance(error, (InputError, MemoryError)):
             return error
         inner = getattr(error, "exc", None)
         error = inner if isinstance(inner, BaseException) else error.__cause__ or error.__context__

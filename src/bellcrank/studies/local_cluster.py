@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import subprocess
 import sys
 import threading
-from pathlib import Path
 from typing import Any, Self
 
 from bellcrank.errors import InputError
+from bellcrank.files.limited_process import environment_here
 from bellcrank.files.temporaries import temporary_folder
 
 ALLOWED_DEATHS = 6  # of workers that run one range; more are the range's fault
@@ -94,8 +93,7 @@ class LocalCluster:
             "--nthreads", "1", "--memory-limit", "0", "--host", HERE, "--no-dashboard", "--dashboard-address",
             f"{HERE}:0", "--death-timeout", "60", "--local-directory", str(self._folder), *self._certificates,
         ]  # fmt: skip
-        found = os.pathsep.join(str(Path(path).absolute()) for path in sys.path)  # what this process can import
-        environment = os.environ | {"PYTHONPATH": found} | dict.fromkeys(_THREADS, "1")
+        environment = environment_here() | dict.fromkeys(_THREADS, "1")
         try:
             return subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
