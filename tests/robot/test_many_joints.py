@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.robot.articulated_inertia import _pivots
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing import holding_gravity, motion_grid
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
@@ -146,3 +147,16 @@ def test_a_sizing_looks_at_few_states_at_a_time_and_blocks_do_not_change_it(
         assert {k: p.value for k, p in one.peaks.items()} == pytest.approx(
             {k: p.value for k, p in other.peaks.items()}, rel=1e-13
         )
+
+
+def test_a_robot_of_too_many_joints_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(bc.InputError, match=r"has 2001 joints that move, expected at most 2000; make some fixed"):
+        long_chain(tmp_path, 2001, (0.0, 0.0, 1.0))
+
+
+def test_eliminating_joints_that_do_not_carry_each_other_gives_the_pivots_of_the_dense_matrix(tmp_path: Path) -> None:
+    """The pivots are 1/(M⁻¹)_kk of the leading blocks: det of the trailing block from k on, over that from k + 1 on."""
+    robot = random_tree(tmp_path, 30, 4)
+    matrix = robot.mass_matrix(np.random.default_rng(1).normal(size=30))
+    logs = [np.linalg.slogdet(matrix[k:, k:])[1] for k in range(30)] + [0.0]
+    np.testing.assert_allclose(_pivots(matrix), np.exp(-np.diff(logs)), rtol=1e-9)

@@ -50,7 +50,8 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
                 step[index] = random.uniform(-0.1, 0.1)
         q = pin.integrate(model, pin.neutral(model), _followed(urdf, names, step))
         matrix, placements = mass_matrix(model, q)
-        reduced = reduction.T @ matrix @ reduction
+        plain = len(kept) == model.nv
+        reduced = matrix if plain else reduction.T @ matrix @ reduction
         size = max([size, *(float(np.linalg.norm(placement.translation)) for placement in placements)])
         diagonals.append(np.diag(reduced).copy())
         pivots.append(_pivots(reduced))
@@ -123,7 +124,10 @@ def _followed(urdf: Urdf, names: list[str], step: Any) -> Any:
 
 
 def _pivots(matrix: Any) -> Any:
-    """The pivots (n,) of eliminating a symmetric matrix from its last row to its first; zeros are skipped."""
+    """The pivots (n,) of eliminating a symmetric matrix from its last row to its first; zeros are skipped.
+
+    Joints that do not carry each other have zeros in common, and eliminating one leaves the other's row as it is.
+    """
     import numpy as np
 
     remaining = matrix.copy()
@@ -132,7 +136,11 @@ def _pivots(matrix: Any) -> Any:
         pivots[k] = remaining[k, k]
         if abs(pivots[k]) > RELATIVE * abs(matrix[k, k]) > 0.0:
             column = remaining[:k, k] / pivots[k]
-            remaining[:k, :k] -= np.outer(column, remaining[k, :k])
+            rows = np.flatnonzero(column)
+            if 2 * len(rows) > k:
+                remaining[:k, :k] -= np.outer(column, remaining[k, :k])
+            elif len(rows):
+                remaining[np.ix_(rows, rows)] -= np.outer(column[rows], remaining[k, rows])
     return pivots
 
 

@@ -18,6 +18,7 @@ __all__ = ["UNLIMITED", "Inertial", "Joint", "Link", "Mimic", "Reading", "Urdf",
 
 Part = TypeVar("Part", Link, Joint)
 UNLIMITED = 1e300  # in pinocchio_xml: stands for "no limit", as Pinocchio's reader accepts no infinity
+MOST_MOVING = 2000  # joints: a mass matrix takes memory with their square
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,10 @@ def reading_of(text: str, source: str | Path) -> Reading:
     try:
         links, joints = split_universal(links, joints, fail)
         root = _root(links, joints, fail)
+        if (moving := sum(joint.type != "fixed" for joint in joints.values())) > MOST_MOVING:
+            raise fail(
+                f"has {moving} joints that move, expected at most {MOST_MOVING}; leave some out, or make them fixed"
+            )
         joints = {name: _resolved(joint, joints, fail) for name, joint in joints.items()}
     except InputError as problem:
         return Reading(None, (problem,), links, joints)
