@@ -8,10 +8,13 @@ import os
 import re
 import sys
 import textwrap
+import threading
 import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from bellcrank.files import atomic_write
 from bellcrank.text import readable
 
 if TYPE_CHECKING:
@@ -74,7 +77,88 @@ def save_figure(figure: Figure, file: Path | IO[bytes], kind: str, **options: An
     """Write a figure as `kind`, such as "png"; characters missing in the font are drawn as boxes, without warnings."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")
-        figure.savefig(file, format=kind, **options)
+        if kind == "png" and set(options) == {"dpi"}:
+            _save_png(figure, file, options["dpi"])
+        else:
+            figure.savefig(file, format=kind, **options)
+
+
+def _save_png(figure: Figure, file: Path | IO[bytes], dpi: float) -> None:
+    """As `savefig`, which draws twice: the first time only to place the axes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas, layout, before = FigureCanvasAgg(figure), figure.get_layout_engine(), figure.dpi
+    try:
+        figure.dpi = dpi
+        if layout is not None:
+            layout.execute(figure)
+            figure.set_layout_engine("none")
+        canvas.draw()  # type: ignore[no-untyped-call]
+        pixels = canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+        picture = Image.frombuffer("RGBA", canvas.get_width_height(), pixels, "raw", "RGBA", 0, 1)
+        picture.save(file, "png", dpi=(dpi, dpi))
+    finally:
+        figure.dpi = before
+        if layout is not None:
+            figure.set_layout_engine(layout)
+
+
+def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
+    """Draw figures, given by file name, as PNG into a folder, every other one in a second process.
+
+    Returns their paths. Raises InputError where a file cannot be written.
+    """
+
+    def write(names: Sequence[str]) -> None:
+        for name in names:
+            with atomic_write.writing(folder / name) as temporary:
+                save_figure(figures[name](), temporary, "png", dpi=DPI)
+
+    names = list(figures)
+    if len(names) < 2:
+        write(names)
+        return [folder / name for name in names]
+    new_figure(1.0, 1.0)  # what Matplotlib imports, both processes have
+    with _second_process(lambda: write(names[1::2])) as done:
+        write(names[::2])
+        if not done():
+            write(names[1::2])  # here: what fails is said here
+    return [folder / name for name in figures]
+
+
+@contextlib.contextmanager
+def _second_process(work: Callable[[], None]) -> Iterator[Callable[[], bool]]:
+    """Run `work` in a copy of this process during the block; yield a function that waits and says whether it was done.
+
+    It is not where there is one processor, no such copy (Windows), or another thread, which a copy would not have.
+    """
+    if (os.cpu_count() or 1) < 2 or not hasattr(os, "fork") or threading.active_count() > 1:
+        yield lambda: False
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads of libraries, which are asleep
+        child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            work()
+            status = 0
+        finally:
+            os._exit(status)
+    waited: list[int] = []
+
+    def done() -> bool:
+        if not waited:
+            waited.append(os.waitpid(child, 0)[1])
+        return waited[0] == 0
+
+    try:
+        yield done
+    finally:
+        done()
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint, ReadContext
@@ -30,7 +29,6 @@ from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import without_motor
 from bellcrank.robot.load import default_options, robot_of
 from bellcrank.robot.loop_expressions import relation_text
-from bellcrank.robot.mjcf_equality import UNMODELLED
 from bellcrank.robot.robot import Robot
 from bellcrank.robot.robot_file import READERS, FrameLoop, FramePlace, JointCoupling, JointRelation, root_tag
 from bellcrank.robot.xml_tree import read_text
@@ -98,6 +96,8 @@ def _robot_file(path: Path, name: str, read: Fields, robot: Robot) -> list[Const
     access = read.access.by(path)
     file = READERS[ROOTS[kind]](text, path, access)
     own = robot_of(file, default_options(), access)
+    from bellcrank.robot.mjcf_equality import UNMODELLED
+
     if unmodelled := [note for note in file.notes if UNMODELLED in note]:
         raise InputError(f"{path}: {unmodelled[0]}")
     found: list[Constraint] = []
@@ -136,6 +136,8 @@ def _side(place: FramePlace, robots: tuple[Path, Robot, Robot]) -> tuple[str, tu
 
     Both robots must have the joint that carries the place, with the same origin and axes.
     """
+    from scipy.spatial.transform import Rotation  # importing it takes as long as simulating most scenes
+
     path, robot, other = robots
     at = _pose(Rotation.from_euler("xyz", place.rpy).as_matrix(), place.xyz)
     if place.frame == WORLD:

@@ -11,16 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.mjcf_placement import Array, inverse, placement
 from bellcrank.robot.robot_file import FrameBushing, FrameLoop, FramePlace, FrameSpring, JointSpring
-from bellcrank.robot.sdf_poses import read_pose
 from bellcrank.robot.urdf_elements import NUMBER, Vector3, attribute_number, attribute_vector
 from bellcrank.robot.xml_tree import Element
 
+Array = NDArray[np.float64]
 Fail = Callable[[str], InputError]
 BALL, SPRING, BUSHING = "drake:ball_constraint", "drake:linear_spring_damper", "drake:linear_bushing_rpy"
 UNUSED = ("drake:collision_filter_group",)  # of Drake's, without effect on the motion
@@ -141,6 +140,11 @@ def gazebo_balls(robot: Element, fail: Fail) -> tuple[FrameLoop, ...]:
     0 of all joints. Source: sdformat.org, "URDF extensions".
     """
     joints = [joint for element in robot.find_all("gazebo") for joint in element.find_all("joint")]
+    if not joints:
+        return ()
+    from bellcrank.robot.mjcf_placement import inverse
+    from bellcrank.robot.sdf_poses import read_pose
+
     links = [link.attributes.get("name", "").strip() for link in robot.find_all("link")]
     found = []
     for k, joint in enumerate(joints, start=1):
@@ -172,6 +176,10 @@ def gazebo_balls(robot: Element, fail: Fail) -> tuple[FrameLoop, ...]:
 
 def _at_zero(robot: Element, link: str, fail: Fail) -> Array:
     """The placement (4, 4) of a link in the root link where all joints are at 0."""
+    from scipy.spatial.transform import Rotation  # importing it takes as long as simulating most scenes
+
+    from bellcrank.robot.mjcf_placement import placement
+
     above = {}
     for joint in robot.find_all("joint"):
         parent, child = joint.find("parent"), joint.find("child")

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DPI, colour, dash, legend_columns, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import (
+    DPI,
+    colour,
+    dash,
+    legend_columns,
+    literal,
+    new_figure,
+    plain,
+    save_figure,
+    write_figures,
+)
 from bellcrank.sizing.plot_samples import DrawnMotion, drawn_motions
 from bellcrank.sizing.result import sizing_inputs
 from bellcrank.sizing.sizing_files import file_names
@@ -33,12 +45,7 @@ def write_plots(sizing: Sizing, folder: str | Path) -> list[Path]:
 
     Raises InputError where a file cannot be written.
     """
-    folder = Path(folder)
-    figures = sizing_figures(sizing)
-    for name, figure in figures.items():
-        with atomic_write.writing(folder / name) as temporary:
-            save_figure(figure, temporary, "png", dpi=DPI)
-    return [folder / name for name in figures]
+    return write_figures(_figures(sizing), Path(folder))
 
 
 def sizing_figures(sizing: Sizing) -> dict[str, Figure]:
@@ -47,15 +54,20 @@ def sizing_figures(sizing: Sizing) -> dict[str, Figure]:
 
     They are for the nominal masses, which the titles say where the sizing has a mass tolerance.
     """
+    return {name: draw() for name, draw in _figures(sizing).items()}
+
+
+def _figures(sizing: Sizing) -> dict[str, Callable[[], Figure]]:
     inputs = sizing_inputs(sizing)
     drawn = drawn_motions(inputs)
     names = file_names(inputs.motions)
-    figures = {
-        f"over_time_{name}.png": _over_time_figure(sizing, motion) for motion, name in zip(drawn, names, strict=True)
+    figures: dict[str, Callable[[], Figure]] = {
+        f"over_time_{name}.png": partial(_over_time_figure, sizing, motion)
+        for motion, name in zip(drawn, names, strict=True)
     }
-    figures["torque_speed.png"] = joint_figure(sizing, drawn)
+    figures["torque_speed.png"] = partial(joint_figure, sizing, drawn)
     if any(joint.shaft for joint in sizing.joints):
-        figures["motor_torque_speed.png"] = shaft_figure(sizing, drawn)
+        figures["motor_torque_speed.png"] = partial(shaft_figure, sizing, drawn)
     return figures
 
 

@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+BLOCK = 64  # points that are compared with those that are kept, and with each other, at once
 
 
 def not_dominated(points: Array) -> Index:
     """Numbers of the points that no other point equals or exceeds in all coordinates."""
     order = np.lexsort(-points.T)
-    points = points[order]
-    exceeds = (points[:, None, :] >= points[None, :, :]).all(axis=2)
-    before = np.triu(exceeds, 1)  # of equal points the first stays
-    return np.sort(order[~before.any(axis=0)])
+    points = points[order]  # one that exceeds another stands before it; of equal points the first stays
+    columns = np.ascontiguousarray(points.T)
+    kept = np.zeros(0, dtype=np.intp)
+    for start in range(0, len(points), BLOCK):
+        block = np.arange(start, min(start + BLOCK, len(points)))
+        block = block[~_exceeded(columns, kept, block)]  # by one that is kept, or by one that such a point exceeds
+        kept = np.concatenate([kept, block[~np.triu(_pairs_exceeded(columns, block, block), 1).any(axis=0)]])
+    return np.sort(order[kept])
+
+
+def _exceeded(columns: Array, by: Index, which: Index) -> NDArray[np.bool_]:
+    return np.asarray(_pairs_exceeded(columns, by, which).any(axis=0))
+
+
+def _pairs_exceeded(columns: Array, by: Index, which: Index) -> NDArray[np.bool_]:
+    """Which points (columns) the points `by` (rows) equal or exceed in all coordinates."""
+    found = np.ones((len(by), len(which)), dtype=bool)
+    for values in columns:
+        found &= values[by, None] >= values[which]
+    return found
 
 
 def extreme_points(points: Array) -> Index:
@@ -39,6 +55,8 @@ def extreme_points(points: Array) -> Index:
     spread = centred @ directions[:rank].T
     if rank == 1:
         return np.asarray(first[[int(np.argmin(spread)), int(np.argmax(spread))]])
+    from scipy.spatial import ConvexHull, QhullError  # importing them takes longer than sizing most robots
+
     try:
         return np.asarray(first[ConvexHull(spread).vertices])
     except QhullError:  # thinner than Qhull's precision: every sample is kept, which is exact too

@@ -63,6 +63,7 @@ NOTES: Final[tuple[Criterion, ...]] = (Resonance(), AxisError())
 CRITERIA: Final = (*GEAR_CRITERIA, *(criterion for group in (*CHEAP, *COSTLY) for criterion in group))
 CHUNK = 8192  # pairs judged at once
 THREADS = 2
+FEW = 16  # parts, in which threads wait for each other longer than they gain
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,8 +150,8 @@ def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions, exact: bool
 
 
 def _in_threads(function: Callable[[Index], None], parts: list[Index]) -> None:
-    """Call a function of each part; NumPy lets other threads run while it computes."""
-    if len(parts) <= 1:
+    """Call a function of each part; NumPy lets other threads run while it computes, which pays for many parts only."""
+    if len(parts) <= FEW:
         for part in parts:
             function(part)
         return

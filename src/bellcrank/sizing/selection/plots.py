@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DPI, colour, legend_columns, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import DPI, colour, legend_columns, literal, new_figure, plain, save_figure, write_figures
 from bellcrank.sizing.selection.motor_plots import motors_figure
 from bellcrank.sizing.selection.tables import percent
 
@@ -31,23 +32,22 @@ SHOWN = 1.5  # a bar of a larger utilisation is cut off here, and its number say
 
 def selection_figures(selection: Selection) -> dict[str, Figure]:
     """All figures of a selection by file name; that of the motors only where one was chosen."""
-    figures = {}
+    return {name: draw() for name, draw in _figures(selection).items()}
+
+
+def _figures(selection: Selection) -> dict[str, Callable[[], Figure]]:
+    figures: dict[str, Callable[[], Figure]] = {}
     if any(one.chosen is not None for one in selection.axes):
-        figures["motors.png"] = motors_figure(selection)
-        figures["utilisation.png"] = utilisation_figure(selection)
+        figures["motors.png"] = partial(motors_figure, selection)
+        figures["utilisation.png"] = partial(utilisation_figure, selection)
     if selection.pareto:
-        figures["pareto.png"] = pareto_figure(selection)
+        figures["pareto.png"] = partial(pareto_figure, selection)
     return figures
 
 
 def write_plots(selection: Selection, folder: str | Path) -> list[Path]:
     """Write the figures of a selection as PNG into a folder, and return their paths. Raises InputError."""
-    folder = Path(folder)
-    figures = selection_figures(selection)
-    for name, figure in figures.items():
-        with atomic_write.writing(folder / name) as temporary:
-            save_figure(figure, temporary, "png", dpi=DPI)
-    return [folder / name for name in figures]
+    return write_figures(_figures(selection), Path(folder))
 
 
 def plot_selection(selection: Selection, path: str | Path | None, what: str | None) -> Figure:
@@ -55,10 +55,10 @@ def plot_selection(selection: Selection, path: str | Path | None, what: str | No
     kind = what or "motors"
     if kind not in KINDS:
         raise InputError(f"plot of a selection: {unknown_name('picture', kind, KINDS)}")
-    figures = selection_figures(selection)
+    figures = _figures(selection)
     if f"{kind}.png" not in figures:
         raise InputError(f"selection for {selection.robot}: nothing fits, so there is nothing to draw as '{kind}'")
-    figure = figures[f"{kind}.png"]
+    figure = figures[f"{kind}.png"]()
     if path is not None:
         form = Path(path).suffix.removeprefix(".").lower() or "png"
         known = figure.canvas.get_supported_filetypes()
