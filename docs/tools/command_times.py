@@ -27,8 +27,8 @@ axes.set_xlabel("time [s]")
 figure.savefig("bare.png")
 """
 COMMANDS = (
-    "simulate four_bar", "size planar_2r", "size ur5", "modes two_wheeler", "check ur5", "fastest ur5", "judge geared_pendulum",
-    "select ur5",
+    "simulate four_bar", "size planar_2r", "size ur5", "modes two_wheeler", "check ur5", "fastest ur5",
+    "judge geared_pendulum", "select ur5",
 )  # fmt: skip
 
 

@@ -7,14 +7,17 @@ numbers or other objects. Arrays are everything that numpy converts to a real ar
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import numbers
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +28,30 @@ from bellcrank.numerics import LARGEST as LARGEST  # of masses, inertias, forces
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+P = ParamSpec("P")
+_KEYWORD = re.compile(r"unexpected keyword argument '(\w+)'")
 LONGEST_PATH = 4096  # bytes; limits of file systems
 LONGEST_NAME = 255
 LONGEST_RANGE = 10**7  # numbers of a range, which takes no memory itself
 MOST_ITEMS = 10**6  # of a list of names or objects, so that an endless generator is refused
+
+
+def named(function: Callable[P, T]) -> Callable[P, T]:
+    """A public function whose unknown arguments are an InputError, with the nearest known one."""
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return function(*args, **kwargs)
+        except TypeError as error:
+            at_call = error.__traceback__ is not None and error.__traceback__.tb_next is None  # not in the function
+            found = _KEYWORD.search(str(error)) if at_call else None
+            if found is None:
+                raise
+            known = inspect.signature(function).parameters
+            raise InputError(f"{function.__name__}: {unknown_name('argument', found[1], known)}") from None
+
+    return checked
 
 
 def is_masked_array(value: object) -> bool:

@@ -195,6 +195,7 @@ class Catalogue:
         return Catalogue(motors, kept(self.gears, GEAR_KINDS), self.left_out)
 
 
+@arguments.named
 def load_catalogue(*folders: str | Path, shipped: bool = True, contradicting: bool = False) -> Catalogue:
     """Read the catalogue that comes with bellcrank, and files or folders of your own.
 

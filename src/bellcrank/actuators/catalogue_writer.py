@@ -15,6 +15,7 @@ from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
 
 
+@arguments.named
 def write_catalogue(motors: Sequence[Motor], gears: Sequence[Gear], folder: str | Path) -> list[Path]:
     """Write motors.csv, gears.csv and curves.csv in SI units, without columns that no product uses.
 

@@ -145,6 +145,7 @@ class FloquetModes:
         }
 
 
+@arguments.named
 def floquet(scene: Scene | str | Path, period: float, at: float = 0.0) -> FloquetModes:
     """The Floquet multipliers of a periodic motion of a scene.
 

@@ -41,6 +41,7 @@ NEARBY = 0.05  # of the largest velocity: a steady motion that differs more from
 INVARIANT = 1e-8  # of the largest entry: an output that changes less along symmetries does not depend on them
 
 
+@arguments.named
 def linearise(
     scene: Scene | Trajectory | str | Path,
     at: str | float | None = None,

@@ -142,6 +142,7 @@ class RootLoci:
         }
 
 
+@arguments.named
 def root_loci(
     scene: Scene | str | Path,
     path: str,

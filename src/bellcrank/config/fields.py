@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from bellcrank.config.numbers import split_number
+from bellcrank.config.numbers import decimal_comma, split_number
 from bellcrank.config.units import units_for
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
@@ -34,6 +34,8 @@ def parse_number(value: object, unit: str) -> float:
             number = math.inf
     elif isinstance(value, str) and (split := split_number(value)):
         figure, written = split
+        if pointed := decimal_comma(value):
+            raise ValueError(f"expected {_wanted(unit)}, found {format_value(value)}; write a point: {pointed}")
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
             raise ValueError(
@@ -177,7 +179,8 @@ class Fields:
         if nonnegative and number < 0.0:
             raise self.error(key, f"expected 0{suffix} or more, found {format_value(value)}")
         if number > maximum:
-            raise self.error(key, f"expected at most {maximum:g}{suffix}, found {format_value(value)}")
+            percent = f"; did you mean {value} %?" if not unit and maximum == 1.0 and 1.0 < number <= 100.0 else ""
+            raise self.error(key, f"expected at most {maximum:g}{suffix}, found {format_value(value)}{percent}")
         return number
 
     def parsed(self, key: str, value: object, unit: str = "") -> float:

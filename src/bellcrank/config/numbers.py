@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 _NUMBER = re.compile(r"\A\s*([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)")
+_COMMA = re.compile(r"\A\s*([-+]?[0-9]+),([0-9]+)(?![0-9,.])")
 _WHOLE = re.compile(r"\A\s*([-+]?)([0-9]+)\s*\Z")
 MOST_DIGITS = 100  # of a whole number; a longer one is beyond every limit, as is 10**MOST_DIGITS
 
@@ -17,6 +18,11 @@ def split_number(text: str) -> tuple[float, str] | None:
     """The number that a text begins with (infinite where doubles end) and what follows; None where there is none."""
     match = _NUMBER.match(text)
     return (float(match[1]), text[match.end() :].strip()) if match else None
+
+
+def decimal_comma(text: str) -> str:
+    """The text with a point where it begins with a number with a decimal comma, such as "0,5 m"; else ""."""
+    return _COMMA.sub(r"\1.\2", text).strip() if _COMMA.match(text) else ""
 
 
 def decimal_number(text: str) -> float:

@@ -6,16 +6,32 @@ import math
 from typing import Final
 
 _DEGREE: Final = math.pi / 180.0
-_OUNCE_INCH: Final = 0.45359237 / 16.0 * 9.80665 * 0.0254  # N m: avoirdupois ounce, standard gravity, inch
+_POUND: Final = 0.45359237  # kg, avoirdupois
+_INCH: Final = 0.0254  # m
+_FOOT: Final = 12.0 * _INCH
+_GRAVITY: Final = 9.80665  # m/s², standard
+_OUNCE: Final = _POUND / 16.0
+_OUNCE_INCH: Final = _POUND / 16.0 * _GRAVITY * _INCH  # N m
 # Unit that a reader asks for -> units that a file may use -> factor to the unit asked for.
 UNITS: Final[dict[str, dict[str, float]]] = {
     "": {"": 1.0, "%": 0.01},
-    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": _INCH, "ft": _FOOT},
     "rad": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcmin": _DEGREE / 60.0},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
-    "kg": {"kg": 1.0, "g": 0.001},
-    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "mN m": 0.001, "mNm": 0.001, "kN m": 1000.0, "oz in": _OUNCE_INCH},
-    "N": {"N": 1.0, "kN": 1000.0},
+    "kg": {"kg": 1.0, "g": 0.001, "lb": _POUND, "oz": _OUNCE},
+    "N m": {
+        "N m": 1.0,
+        "Nm": 1.0,
+        "N*m": 1.0,
+        "mN m": 0.001,
+        "mNm": 0.001,
+        "kN m": 1000.0,
+        "oz in": _OUNCE_INCH,
+        "lbf in": 16.0 * _OUNCE_INCH,
+        "lbf ft": 192.0 * _OUNCE_INCH,
+        "kgf cm": 0.01 * _GRAVITY,
+    },
+    "N": {"N": 1.0, "kN": 1000.0, "lbf": _POUND * _GRAVITY},
     "kg m^2": {
         "kg m^2": 1.0,
         "kg m²": 1.0,
@@ -24,6 +40,8 @@ UNITS: Final[dict[str, dict[str, float]]] = {
         "kg cm²": 1e-4,
         "g cm^2": 1e-7,
         "g cm²": 1e-7,
+        "lb in^2": _POUND * _INCH**2,
+        "oz in^2": _OUNCE * _INCH**2,
     },
     "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
     "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "cm/s^2": 0.01, "cm/s²": 0.01, "mm/s^2": 0.001, "mm/s²": 0.001},
@@ -68,7 +86,7 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "h": {"h": 1.0},
     "1/s": {"1/s": 1.0},
     "1/s^2": {"1/s^2": 1.0, "1/s²": 1.0},
-    "rad or m": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "m": 1.0, "cm": 0.01, "mm": 0.001},
+    "rad or m": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": _INCH, "ft": _FOOT},
 }
 # What joints of both kinds share is written in either unit.
 for _turning, _sliding in (

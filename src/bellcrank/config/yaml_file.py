@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from bellcrank.config.numbers import decimal_comma
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_YAML, read_text
 from bellcrank.messages import format_value
@@ -168,8 +169,12 @@ def _loader() -> Callable[[str], Any]:
             raise refuse("a value does not fit its type", node)
         own = [(key, value) for key, value in node.value if key.tag != "tag:yaml.org,2002:merge"]
         seen: dict[Any, int] = {}
-        for key_node, _ in own:
+        before = ""
+        for key_node, value_node in own:
             key = loader.construct_object(key_node, deep=True)
+            if node.flow_style and value_node.value == "" and (pointed := decimal_comma(f"{before},{key_node.value}")):
+                raise refuse(f"a decimal comma separates entries here; write a point: {pointed}", key_node)
+            before = value_node.value if isinstance(value_node, yaml.ScalarNode) else ""
             line = key_node.start_mark.line + 1
             if not isinstance(key, str):
                 raise refuse(f"expected a text as key, found {format_value(key)}; put it in quotes", key_node)

@@ -102,6 +102,7 @@ class Mobility:
         return found
 
 
+@arguments.named
 def mobility(scene: Scene) -> Mobility:
     """The mobility of a scene's mechanism at its start.
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 
+@arguments.named
 def scene_casadi(scene: Scene) -> casadi.Function:
     """The right-hand side of a scene's equations of motion as a casadi Function of expressions.
 

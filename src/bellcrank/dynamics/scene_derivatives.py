@@ -70,6 +70,7 @@ class SceneDerivatives:
     of_multipliers: Slopes
 
 
+@arguments.named
 def scene_derivatives(
     scene: Scene, q: Any = None, v: Any = None, time: float = 0.0, torque: Any = None
 ) -> SceneDerivatives:

@@ -145,6 +145,7 @@ class SceneInverseDynamics:
         return force_times(self.time, self.time[-1]), self.position, self.velocity, self.acceleration
 
 
+@arguments.named
 def scene_inverse_dynamics(
     scene: Scene | str | Path,
     motion: Motion | str | Path,

@@ -66,6 +66,7 @@ class _Columns:
         )
 
 
+@arguments.named
 def write_motion(
     motion: Motion,
     path: str | Path,
@@ -112,6 +113,7 @@ def write_motion(
     return write_table(target, labels, blocks)
 
 
+@arguments.named
 def read_motion(robot: RobotLike, path: str | Path, name: str | None = None, text: str | None = None) -> Motion:
     """Read a motion from a CSV file with one column a coordinate, in any order, units in the header.
 

@@ -173,8 +173,19 @@ _CLASSES: tuple[type[MotionEntry], ...] = (
 KINDS: dict[str, type[MotionEntry]] = {entry.kind: entry for entry in _CLASSES}
 
 
+OTHER_WORDS = {  # what other programs call these kinds
+    "spline": "waypoints", "cubic": "waypoints", "path": "waypoints", "trajectory": "waypoints",
+    "ptp": "point_to_point", "joint": "point_to_point", "movej": "point_to_point", "trapezoid": "point_to_point",
+    "linear": "line", "lin": "line", "movel": "line", "arc": "circle", "movec": "circle",
+    "pause": "dwell", "wait": "dwell", "hold": "dwell", "file": "csv", "table": "csv", "sequence": "join",
+}  # fmt: skip
+
+
 def read_motion_entry(name: str, fields: Fields) -> MotionEntry:
     """The entry of a motion. Raises InputError with file, key, what was expected and what was found."""
+    kind = fields.raw("kind", None)
+    if isinstance(kind, str) and (meant := OTHER_WORDS.get(kind)):
+        raise fields.error("kind", f"unknown kind '{kind}'; did you mean '{meant}'? (expected: {', '.join(KINDS)})")
     entry = KINDS[fields.choice("kind", tuple(KINDS))].read(name, fields)
     fields.done()
     return entry

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 
+@arguments.named
 def circle(
     robot: Robot,
     frame: str,
@@ -97,6 +98,7 @@ def circle(
     return follow_path(robot, path, start_posture(robot, start))
 
 
+@arguments.named
 def line(
     robot: Robot,
     frame: str,

@@ -307,6 +307,7 @@ class Motion(Portable):
         return q, v, a
 
 
+@arguments.named
 def join(*motions: Motion, name: str | None = None) -> Motion:
     """Join motions one after the other.
 

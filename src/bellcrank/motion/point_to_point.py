@@ -40,6 +40,7 @@ KEYS = {"speed": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "jerk": "ra
 SAME = 1e-9  # rad or m: postures closer than this are the same
 
 
+@arguments.named
 def point_to_point(
     robot: Robot,
     positions: Sequence[Posture] | Array,

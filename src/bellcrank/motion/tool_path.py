@@ -95,6 +95,7 @@ class Polyline:
         return segments, curvatures
 
 
+@arguments.named
 def tool_path(
     robot: Robot,
     frame: str,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
 
+@arguments.named
 def waypoints(
     robot: Robot,
     times: Sequence[float] | Array,
@@ -76,6 +77,7 @@ def waypoints(
     return Motion(robot.joints, time, *states, name, notes, forms=(form,))
 
 
+@arguments.named
 def dwell(
     robot: Robot,
     position: Mapping[str, float] | Array | Sequence[float],

@@ -115,6 +115,7 @@ class JointPath:
         return np.asarray(0.5 * (low + high))
 
 
+@arguments.named
 def joint_path(
     robot: Robot,
     positions: Sequence[Mapping[str, float] | Sequence[float] | Array] | Array,

@@ -35,6 +35,7 @@ FACTORS = 60  # speed factors between 1 and SLOWEST at which the uses are looked
 SLOWEST = 1e-3
 
 
+@arguments.named
 def repeated_cycle(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motion: Motion | str | Path,

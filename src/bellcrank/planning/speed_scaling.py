@@ -149,6 +149,7 @@ class SpeedFactor(WithNotes):
         return plot_factor(self, path)
 
 
+@arguments.named
 def speed_factor(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motion: Motion | str | Path,

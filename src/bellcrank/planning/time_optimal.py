@@ -40,6 +40,7 @@ TOLD_ON_GRID = 1e-3  # share of a limit: a motion on a grid that exceeds it by m
 SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
 
 
+@arguments.named
 def time_optimal(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     path: JointPath | Motion | str | Path,

@@ -48,6 +48,7 @@ class NotebookPage:
         return f"a replay of {len(self.page) / 1e6:.2f} MB"
 
 
+@arguments.named
 def replay(
     source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     path: str | Path | None = None,
@@ -105,6 +106,7 @@ def replay(
     return write_page(film_of(loaded, robot, trace=trace, detail=detail, title=title), target, plots=plots)
 
 
+@arguments.named
 def show(
     source: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path,
     *,

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 
+@arguments.named
 def report(
     source: Trajectory | Sizing | Selection | Sweep | str | Path,
     path: str | Path | None = None,

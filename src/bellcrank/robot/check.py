@@ -20,6 +20,7 @@ from bellcrank.robot.xml_tree import Element, parse_xml, read_text
 __all__ = ["Finding", "check_urdf", "format_findings"]
 
 
+@arguments.named
 def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     """Check a robot file: its elements, its tree, its masses and its meshes; compare a URDF with what yourdfpy reads.
 

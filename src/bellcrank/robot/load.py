@@ -20,6 +20,7 @@ ROTORS = "a mapping of joints to numbers (kg m²)"
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
+@arguments.named
 def load_robot(
     path: str | Path,
     gravity: Sequence[float] | None = None,

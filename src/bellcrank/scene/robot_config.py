@@ -222,6 +222,7 @@ def names() -> dict[str, Path]:
     return {path.stem: path for path in sorted(bundled_data.folder("robots").glob("*.yaml"))}
 
 
+@arguments.named
 def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotConfig:
     """Read a robot configuration from a file, or by the name of a bundled one.
 

@@ -388,6 +388,7 @@ class Scene(Portable):
         return json.dumps(_content(parts, places))
 
 
+@arguments.named
 def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None, *, trust: Trust = ()) -> Scene:
     """Read a scene from a file, or by the name of a bundled one.
 

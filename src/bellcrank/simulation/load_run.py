@@ -25,6 +25,7 @@ from bellcrank.text import file_name_here
 Array = NDArray[np.float64]
 
 
+@arguments.named
 def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
     """Load a run that `Trajectory.save` wrote.
 

@@ -246,6 +246,7 @@ class PreparedSimulation:
 _STATUSES = tuple(Status)
 
 
+@arguments.named
 def prepare(
     scene: Scene | str | Path,
     duration: float | None = None,

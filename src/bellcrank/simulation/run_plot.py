@@ -30,6 +30,7 @@ MOST_MARKS = 2000  # marks of one event that can be told apart along a plot
 EVENT_COLOUR = "#7A5195"
 
 
+@arguments.named
 def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None = None) -> Figure:
     """Draw a run over time, or the path of a frame.
 

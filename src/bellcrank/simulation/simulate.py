@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+@arguments.named
 def simulate(
     scene: Scene | str | Path,
     duration: float | None = None,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.dynamics.mechanism import Mechanism
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 
+@arguments.named
 def judge(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 
+@arguments.named
 def size(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,

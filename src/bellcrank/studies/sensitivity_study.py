@@ -12,6 +12,7 @@ from bellcrank.studies.sensitivity import Sensitivity
 from bellcrank.studies.sweep import sweep
 
 
+@arguments.named
 def sobol_indices(
     scene: Scene | str | Path,
     vary: Mapping[str, Any] | None = None,

@@ -23,6 +23,7 @@ from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings,
 from bellcrank.studies.sweep_result import Sweep
 
 
+@arguments.named
 def sweep(
     scene: Scene | str | Path,
     vary: Mapping[str, Any] | None = None,

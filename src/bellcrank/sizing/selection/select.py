@@ -45,6 +45,7 @@ MANY_PAIRS = 100_000  # of all axes together
 EFFORT_OF_MANY_PAIRS = 30_000
 
 
+@arguments.named
 def select(
     robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,
