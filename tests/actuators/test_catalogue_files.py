@@ -103,7 +103,7 @@ REFUSED = {  # lines of a file -> parts of the message
     "nearly a column": ([MOTORS.replace("mass", "mas"), ""], ["unknown column 'mas'; did you mean 'mass'"]),
     "column of gears": ([MOTORS.replace("mass [g]", "average_torque [N m]"), ""], ["unknown column 'average_torque'"]),
     "no unit": ([MOTORS.replace(" [V]", "")], ["line 1: column 'nominal_voltage' has no unit", "[V]"]),
-    "wrong unit": ([MOTORS.replace("[g]", "[lb]")], ["column 'mass' is in 'lb', expected [kg], [g]"]),
+    "wrong unit": ([MOTORS.replace("[g]", "[st]")], ["column 'mass' is in 'st', expected [kg], [g]"]),
     "unit of a text": ([MOTORS.replace("model", "model [m]")], ["column 'model' holds texts and has no unit"]),
     "twice": ([MOTORS + ",mass [kg]"], ["column 'mass' occurs twice"]),
     "no name": ([MOTORS.replace("maker", "")], ["column 2 has no name"]),

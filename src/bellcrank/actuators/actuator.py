@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ENDLESS = 1e9  # rad/s: a rated torque has no end
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
+SLOWEST = 2.0, 20.0  # rad/s², without and behind a gear: motors reach 1e3 to 1e5, drives with a built-in gear 6
 
 
 @dataclass(frozen=True)
@@ -222,12 +223,22 @@ class Actuator:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A sentence for each speed above 1500 rad/s, which may have been meant in rpm."""
-        return tuple(
+        """A sentence for each speed above 1500 rad/s, which may have been meant in rpm, and for a rotor inertia that
+        the rated torque accelerates by less than SLOWEST, which may have been meant in kg cm².
+        """
+        rotor, rated = self.rotor_inertia or 0.0, self.rated_torque or math.inf
+        heavy: tuple[str, ...] = ()
+        if rotor * SLOWEST[self.ratio > 1.0] > rated:
+            heavy = (
+                f"the rated torque accelerates the rotor alone, rotor_inertia {rotor:g} kg m², by {rated / rotor:.2g} "
+                f"rad/s² only: was kg cm² meant? write '{rotor:g} kg cm^2'",
+            )
+        speeds = tuple(
             f"{name} {value:g} rad/s is {value * 30.0 / math.pi:.0f} rpm: was rpm meant? write '{value:g} rpm'"
             for name, value in (("rated_speed", self.rated_speed), ("max_speed", self.max_speed))
             if value is not None and value > FASTEST
         )
+        return speeds + heavy
 
     @property
     def curve_points(self) -> Points | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+from collections.abc import Sequence
 
 from bellcrank.messages import unknown_name
 from bellcrank.version import version
@@ -26,6 +27,10 @@ COMMANDS = {
     "doctor": "print versions, processor, cache, browser and extras, and what is wrong",
     "completion": "print the script with which a shell completes commands",
 }
+ALIASES = {  # names of the Python functions
+    "fastest": ("time-optimal", "time_optimal"), "modes": ("linearise", "linearize"),
+    "check": ("check-urdf", "check_urdf"),
+}  # fmt: skip
 OVERVIEW = """bellcrank {version}: size the motors of robots, and simulate robots, from a URDF, MJCF or SDFormat file
 
   bellcrank size ur5             what each motor must deliver over a motion, against its data sheet
@@ -39,12 +44,34 @@ OVERVIEW = """bellcrank {version}: size the motors of robots, and simulate robot
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest word where one is not known."""
+    """A parser that suggests the nearest word where one is not known, and may keep options for --help-all."""
+
+    def shorten_help(self, main: Sequence[str]) -> None:
+        """Leave out of --help, but not of --help-all, all options but the main ones, which come first."""
+        self.add_argument("--help-all", action=_HelpAll, nargs=0, help=f"list all {len(self._actions)} options")
+        first = [action for action in self._actions if not action.option_strings]
+        chosen = {name: action for action in self._actions for name in action.option_strings}
+        shown = [*first, *(chosen[name] for name in main), chosen["--help"], chosen["--help-all"]]
+        self.kept = {action: action.help for action in self._actions if action not in shown}
+        for action in self.kept:
+            action.help = argparse.SUPPRESS
+        for group in self._action_groups:
+            group._group_actions.sort(key=lambda action: shown.index(action) if action in shown else len(shown))
+        self._actions.sort(key=lambda action: shown.index(action) if action in shown else len(shown))
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:
             kind = "command" if isinstance(action, argparse._SubParsersAction) else "value"
             raise argparse.ArgumentError(action, unknown_name(kind, str(value), map(str, action.choices)))
+
+
+class _HelpAll(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        assert isinstance(parser, Parser)
+        for action, text in parser.kept.items():
+            action.help = text
+        parser.print_help()
+        parser.exit()
 
 
 def overview() -> str:
@@ -64,10 +91,16 @@ def parser(given: list[str], *, whole: bool = False) -> argparse.ArgumentParser:
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in _modules(given).items():
         summary = COMMANDS.get(name) or importlib.import_module(module).SUMMARY
-        sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if whole or given[:1] == [name]:  # only this command's module is loaded, so that help is quick
-            importlib.import_module(module).add_arguments(sub)
+        names = ALIASES.get(name, ())
+        asked = bool(given) and given[0] in (name, *names)
+        description = summary[0].upper() + summary[1:] + "."
+        sub = commands.add_parser(name, help=summary, description=description, aliases=names if asked else ())
+        if whole or asked:  # only this command's module is loaded, so that help is quick
+            loaded = importlib.import_module(module)
+            loaded.add_arguments(sub)
             sub.set_defaults(module=module)
+            if not whole and (main := getattr(loaded, "MAIN_OPTIONS", ())):
+                sub.shorten_help(main)
     return made
 
 
@@ -76,7 +109,7 @@ def _modules(given: list[str]) -> dict[str, str]:
     add through the entry point group "bellcrank.commands".
     """
     own = {name: f"bellcrank.commands.{name}" for name in COMMANDS}
-    if given[:1] and given[0] in own:
+    if given[:1] and (given[0] in own or any(given[0] in names for names in ALIASES.values())):
         return own  # searching for entry points takes time
     from importlib.metadata import entry_points
 

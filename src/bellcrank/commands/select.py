@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 OBJECTIVES = ("mass", "cost", "loss", "margin")
 MOST_CANDIDATES = 1000
 
+MAIN_OPTIONS = (  # the others are listed by --help-all
+    "--motion", "--catalogue", "--objective", "--keep", "--payload", "--voltage", "--safety-factor", "--write-config",
+    "--report", "--out",
+)  # fmt: skip
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The robot and its motions, what to choose from and for, and where to write."""
