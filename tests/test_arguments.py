@@ -358,6 +358,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                            "plots": False, "trust": []}),
         "report": (bc.report, {"source": swept, "path": "report.html", "trace": ["P1"], "detail": "reduced",
                                "title": None, "trust": [], "measures": ["end.time"], "limits": []}),
+        "wait_for_optimised_code": (bc.wait_for_optimised_code, {"seconds": 600.0}),
         "check_urdf": (bc.check_urdf, {"path": "planar_2r", "trust": ["."]}),
         **of(robot, carrier={"link": "link_1"}, configuration_rate={"q": q, "v": v},
              compiled={"key": "own", "build": casadi_square, "seldom": False, "inputs": (1,)},

@@ -18,7 +18,7 @@ TITLES = {
     "replays": "Replays and reports",
     "errors": "Errors",
 }
-ROOMS = {"reports": "replays"}  # rooms without a page of their own
+ROOMS = {"reports": "replays", "codegen": "dynamics"}  # rooms without a page of their own
 
 
 def groups() -> dict[str, list[str]]:

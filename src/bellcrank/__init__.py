@@ -91,6 +91,7 @@ _HOME = {
     "show": "replays.replay",
     "report": "reports.report",
     "check_urdf": "robot.check",
+    "wait_for_optimised_code": "codegen.full_tier",
 }
 __all__ = [  # written out, because type checkers do not evaluate it
     "Actuator",
@@ -174,6 +175,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "sweep",
     "time_optimal",
     "tool_path",
+    "wait_for_optimised_code",
     "waypoints",
     "write_catalogue",
     "write_motion",
@@ -194,6 +196,7 @@ if TYPE_CHECKING:
     from bellcrank.analysis.linearise import linearise
     from bellcrank.analysis.mode import Mode
     from bellcrank.analysis.root_loci import RootLoci, root_loci
+    from bellcrank.codegen.full_tier import wait_for_optimised_code
     from bellcrank.dynamics.closed_inverse_dynamics import Linkage
     from bellcrank.dynamics.mobility import Mobility, mobility
     from bellcrank.dynamics.scene_casadi import scene_casadi

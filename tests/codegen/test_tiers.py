@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.codegen import compile as compile_module
 from bellcrank.codegen import full_tier
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
@@ -61,6 +62,27 @@ def test_long_code_runs_at_once_and_its_optimised_code_takes_over_with_the_same_
     np.testing.assert_array_equal([again(row) for row in x], single)
     np.testing.assert_array_equal(again(x), many)
     assert not made and not again.code("scalar")._entry
+
+
+def test_a_long_batch_goes_over_to_the_optimised_code_with_the_same_bits(fresh_cache, monkeypatch):
+    monkeypatch.setattr(compile_module, "BLOCK", 16)
+    function, x = long_function("swapped"), np.random.default_rng(2).normal(size=(16 * 9 + 5, 8))
+    code, called = function.code("batch"), []
+    prepared = type(function).prepared
+
+    def counted(self, arrays, outputs):
+        called.append(len(outputs[0]))
+        if len(called) == 3:
+            assert full_tier.wait_for_optimised_code(100)
+        return prepared(self, arrays, outputs)
+
+    monkeypatch.setattr(type(function), "prepared", counted)
+    function.address("batch")
+    assert code.is_improving
+    many = function(x)
+    assert not code.is_improving and called == [16, 16, 16, 16 * 6 + 5]  # the rest at once
+    np.testing.assert_array_equal(function(x), many)
+    np.testing.assert_array_equal(function(x[:20]), many[:20])
 
 
 def test_quickly_compiled_code_is_cached_until_optimised_code_is(fresh_cache, monkeypatch):

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import casadi
 
 Array = NDArray[np.float64]
+BLOCK = 4096  # rows of a batch that quickly compiled code evaluates at once: some milliseconds
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
@@ -170,9 +171,14 @@ class Compiled:
             values = [v if v.ndim == 1 else np.vstack([v, np.repeat(v[-1:], lanes - rows, 0)]) for v in values]
             return [o[:rows].copy() for o in self._many(values, lanes)]
         outputs = [np.empty((rows, size)) for size in self.output_sizes]
-        status = self.prepared(values, outputs)()
-        if status:
-            raise CompileError(f"{self.name}: compiled code returned status {status} (a bug in bellcrank)")
+        code, done = self.code("batch"), 0
+        while done < rows:  # in blocks, as long as optimised code may take over
+            stop = done + BLOCK if code.is_improving and rows - done >= 2 * BLOCK else rows
+            block = [v if v.ndim == 1 else v[done:stop] for v in values]
+            status = self.prepared(block, [o[done:stop] for o in outputs])()
+            if status:
+                raise CompileError(f"{self.name}: compiled code returned status {status} (a bug in bellcrank)")
+            done = stop
         return outputs
 
 

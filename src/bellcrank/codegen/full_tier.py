@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from bellcrank import arguments
 from bellcrank.codegen import object_code
 from bellcrank.codegen.llvm import Target
 
@@ -168,15 +169,27 @@ def ask(asked: Improvable, ir: bytes, target: Target) -> None:
 
 
 def wait_for_optimised_code(seconds: float = 600.0) -> bool:
-    """Wait until all code that runs is optimised, as measurements of speed should.
+    """Wait until all code that was called is optimised, as measurements of speed should.
+
+    Long code is compiled quickly first, and optimised in another process meanwhile; both give the same bits.
 
     Args:
         seconds: The longest time to wait, s.
 
     Returns:
         Whether it is.
+
+    Raises:
+        InputError: `seconds` is not a number of 0 or more.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> robot = bc.load_robot("planar_2r")
+        >>> _ = robot.inverse_dynamics([0.1, 0.2], [0.0, 0.0], [1.0, 0.0])
+        >>> bc.wait_for_optimised_code()
+        True
     """
-    return _optimiser.wait(seconds)
+    return _optimiser.wait(arguments.number("seconds", seconds, least=0.0))
 
 
 def compressed(ir: str) -> bytes:

@@ -52,12 +52,18 @@ class MachineCode:
     def __init__(self, source: Source, kind: str, target: machine.Target) -> None:
         self._source, self.kind, self.target = source, kind, target
         self._entry: Entry | None = None
+        self._improving = False
         self._loaded: list[machine.Loaded] = []  # the last of them runs; calls may still be in those before
 
     @property
     def is_made(self) -> bool:
         """Whether there is code to call."""
         return bool(self._loaded)
+
+    @property
+    def is_improving(self) -> bool:
+        """Whether optimised code is to come."""
+        return self._improving
 
     @property
     def address(self) -> int:
@@ -127,6 +133,7 @@ class MachineCode:
         if self._entry is not None:
             self._entry.use(loaded.address)
         self._loaded.append(loaded)
+        self._improving = improved
 
     def _new_entry(self) -> Entry:
         itself = weakref.ref(self)
