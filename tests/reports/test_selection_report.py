@@ -74,8 +74,18 @@ def test_the_choice_names_products_and_says_unknown_where_a_figure_is(chosen):
         "passes what is known",
         "voltage limit",
     )
-    assert table.rows[0][6:9] == ("unknown", "unknown", "unknown") and "mass unknown" in table.note
-    assert table.rows[1][5:] == ("31 %", "10.5", "2660 EUR", "9.5", "fits")
+    assert table.rows[0][6:10] == ("not judged", "unknown", "unknown", "unknown") and "mass unknown" in table.note
+    assert table.rows[1][5:] == ("31 %", "not judged", "10.5", "2660 EUR", "9.5", "fits")
+
+
+def test_the_choice_says_the_inertia_ratio_and_its_limit(chosen):
+    one = candidates()[3]
+    ratio = CriterionResult(name="inertia ratio", use=0.303, verdict="inside", text="3.03 times the rotor's inertia")
+    table = choice_table(with_first(chosen, chosen=dataclasses.replace(one, criteria=(ratio,))))
+    assert table.rows[0][6] == "3.03 of 10"
+    unknown = dataclasses.replace(ratio, use=None, verdict="unknown")
+    table = choice_table(with_first(chosen, chosen=dataclasses.replace(one, criteria=(unknown,))))
+    assert table.rows[0][6] == "unknown"
 
 
 def test_conditions_say_what_is_assumed_and_what_each_pass_chose(chosen):

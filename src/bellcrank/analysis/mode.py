@@ -102,6 +102,6 @@ def normalised(vector: Complex) -> Complex:
     return np.asarray(vector / largest if abs(largest) > 0.0 else vector, dtype=np.complex128)
 
 
-def sort_key(value: complex) -> tuple[float, float]:
-    """Fast oscillations last, decays before growths."""
-    return (abs(value), cmath.phase(value))
+def sort_key(value: complex) -> tuple[bool, float, float]:
+    """What grows first, then by the size of the eigenvalue: fast oscillations last."""
+    return (value.real <= 0.0, abs(value), cmath.phase(value))

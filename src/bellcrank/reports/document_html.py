@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 from bellcrank.reports.document import Document, Facts, Picture, Table
@@ -42,18 +42,24 @@ def part_html(part: Facts | Table | Picture) -> str:
         return f'<section><h2>{title}</h2><table class="facts">{rows}</table></section>'
     words = [all(_is_word(row[k]) for row in part.rows) for k in range(len(part.header))]
     head = _row(part.header, words, ("th",) * len(words))
-    body = "".join(_row(row, words, ("th", *("td",) * (len(words) - 1))) for row in part.rows)
+    names = ("", *(" ".join(name.split()) for name in part.header[1:]))
+    body = "".join(_row(row, words, ("th", *("td",) * (len(words) - 1)), names) for row in part.rows)
     note = f"<p>{escape(part.note)}</p>" if part.note else ""
     table = f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
     return f'<section><h2>{title}</h2><div class="wide">{table}</div>{note}</section>'
 
 
-def _row(cells: Iterable[str], words: Iterable[bool], tags: Iterable[str]) -> str:
+def _row(cells: Sequence[str], words: Iterable[bool], tags: Iterable[str], names: Sequence[str] = ()) -> str:
+    """A row; on a narrow screen its cells stand below each other, each with the name of its column (report.css)."""
     row = "".join(
-        f"<{tag}{' class=text' if word else ''}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
-        for cell, word, tag in zip(cells, words, tags, strict=True)
+        f"<{tag}{' class=text' if word else ''}{_named(name)}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
+        for cell, word, tag, name in zip(cells, words, tags, names or ("",) * len(cells), strict=True)
     )
     return f"<tr>{row}</tr>"
+
+
+def _named(name: str) -> str:
+    return f' data-name="{escape(name)}"' if name else ""
 
 
 def _is_word(cell: str) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.mode_table import shown
 from bellcrank.analysis.root_loci import RootLoci
-from bellcrank.analysis.root_locus_plot import plot_root_loci
+from bellcrank.analysis.root_locus_plot import plot_eigenvalues, plot_root_loci
 from bellcrank.notes import reached
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.film.mode_film import SECONDS, film_of_modes
@@ -48,7 +48,10 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
     status = "Not known" if reached(linear.notes) else status
     growing = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
     verdict = f"{len(growing)} of {len(linear.modes)} modes grow" if growing else "no mode grows"
-    parts: list[Facts | Picture] = [Facts("Operating point", _operating_point(scene, linear))]
+    parts: list[Facts | Picture] = [
+        Picture("Eigenvalues and damping ratios", svg_of(plot_eigenvalues(linear)), screen=True),
+        Facts("Operating point", _operating_point(scene, linear)),
+    ]
     if loci is not None:
         parts.append(Picture(f"Eigenvalues over {loci.path}", svg_of(plot_root_loci(loci, None)), screen=True))
     return Document(
@@ -81,7 +84,9 @@ def _table(linear: Linearisation) -> str:
     body = ""
     for k, row in enumerate(linear.mode_rows()):
         link = f'<a href="#t={k * SECONDS:g}&amp;play=1">{escape(row[0])}</a>'
-        body += f"<tr><th>{link}</th>" + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:]) + "</tr>"
+        cells = zip(linear.mode_header[1:], row[1:], strict=True)
+        rest = "".join(f'<td data-name="{escape(name)}">{escape(cell)}</td>' for name, cell in cells)
+        body += f"<tr><th>{link}</th>{rest}</tr>"
     return (
         '<section><h2>Modes</h2><div class="wide"><table><thead><tr>'
         f"{head}</tr></thead><tbody>{body}</tbody></table></div><p>Click the number of a mode to show it.</p></section>"

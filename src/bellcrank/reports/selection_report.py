@@ -14,7 +14,8 @@ from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.document_html import document_html, part_html
 from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.selection_data import encoded_selection, title
-from bellcrank.sizing.selection.selection import AxisSelection, Selection
+from bellcrank.sizing.selection.matching_criteria import InertiaRatio
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 from bellcrank.sizing.selection.tables import maybe_too_weak, selected_for
 
 ASSETS = Path(__file__).with_name("assets")
@@ -106,8 +107,8 @@ def selection_document(selection: Selection, film: Film) -> Document:
 def choice_table(selection: Selection) -> Table:
     """The motor and gear of every axis."""
     header = (
-        "joint", "motor", "gear", "tier", "binding criterion", "largest\nutilisation", "mass\n[kg]", "cost",
-        "loss\n[W]", "fit",
+        "joint", "motor", "gear", "tier", "binding criterion", "largest\nutilisation", "inertia\nratio", "mass\n[kg]",
+        "cost", "loss\n[W]", "fit",
     )  # fmt: skip
     rows = tuple(_choice(axis) for axis in selection.axes)
     total = [
@@ -120,11 +121,20 @@ def choice_table(selection: Selection) -> Table:
 def _choice(axis: AxisSelection) -> tuple[str, ...]:
     name, one = axis.axis.name, axis.chosen
     if one is None:
-        return (name, "nothing fits", *[""] * 8)
+        return (name, "nothing fits", *[""] * 9)
     gear = "direct" if one.gear.kind == "direct" else title(one.gear)
     cost = "unknown" if one.cost is None else f"{one.cost:.4g} {one.motor.currency or ''}".strip()
-    figures = (percent(one.largest_use), _known(one.mass), cost, _known(one.loss))
+    figures = (percent(one.largest_use), _inertia_ratio(axis, one), _known(one.mass), cost, _known(one.loss))
     return (name, title(one.motor), gear, one.tier, one.binding, *figures, one.fit)
+
+
+def _inertia_ratio(axis: AxisSelection, one: Candidate) -> str:
+    """The inertia of load and gear over the rotor's, and what is allowed."""
+    found = next((each for each in one.criteria if each.name == InertiaRatio.name), None)
+    allowed = axis.conditions.inertia_ratio
+    if found is None or found.use is None:
+        return "not judged" if found is None or found.verdict == "note" else found.verdict
+    return f"{found.use * allowed:.3g} of {allowed:g}"
 
 
 def conditions_facts(selection: Selection) -> Facts:

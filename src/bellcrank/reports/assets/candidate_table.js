@@ -105,6 +105,7 @@ function makeCandidateTable({ show, compare }) {
   };
   const cellOf = (column, candidate) => {
     const cell = element("td", { className: column.number ? "number" : "text" });
+    cell.dataset.name = column.unit ? `${column.label} [${column.unit}]` : column.label;
     const value = column.value(candidate);
     if (column.cell) cell.append(column.cell(candidate));
     else if (value === null) cell.append(element("span", { className: "unknown-value", textContent: "unknown" }));
@@ -139,7 +140,7 @@ function makeCandidateTable({ show, compare }) {
     mark(state.pinned);
     filters.count.textContent = `${ordered.length} of ${axis.candidates.length} pairs`;
     more.hidden = ordered.length <= state.rows;
-    more.textContent = `show ${Math.min(FIRST_ROWS, ordered.length - state.rows)} more`;
+    more.textContent = more.hidden ? "" : `show ${Math.min(FIRST_ROWS, ordered.length - state.rows)} more`;
   };
 
   const rowAt = (target) => byRow.get(target.closest("tr"));
