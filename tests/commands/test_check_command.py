@@ -53,4 +53,4 @@ def test_a_page_has_the_name_of_its_file_and_one_name_is_for_one_file(tmp_path, 
     assert (tmp_path / "triangle_start.html").is_file()
     capsys.readouterr()
     assert main(["check", str(scene), str(scene), "--html", "x.html"]) == 2
-    assert "--html x.html: expected one FILE, found 2" in capsys.readouterr().err
+    assert "--page x.html: expected one file, found 2" in capsys.readouterr().err

@@ -75,7 +75,7 @@ def test_a_slower_motion_is_judged_by_its_own_torques(tmp_path: Path, capsys: py
         (["--tool", "tip"], "tool_speed"),
         (["--scale", "0"], "--scale"),
         (["--scale", "max", "--grid", "10"], "--grid"),
-        (["--scale", "max", "--html"], "--html"),
+        (["--scale", "max", "--html"], "--page"),
         (["--repeat-limit", "temperature"], "--repeat"),
         (["--speed", "elbow=1", "--speed", "elbow=2"], "two limits"),
     ],

@@ -29,3 +29,32 @@ def test_select_lists_its_main_options_and_all_with_help_all(capsys):
 def test_an_option_that_help_leaves_out_works(capsys, tmp_path):
     assert main(["select", "geared_pendulum", "--altitude", "nonsense", "--out", str(tmp_path)]) == 2
     assert "altitude" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [
+        ("check", []), ("simulate", ["--no-plots", "--duration", "0.5"]), ("fastest", ["--no-plots"]),
+        pytest.param("size", ["--no-plots"], marks=pytest.mark.tier2),
+        pytest.param("select", ["--no-plots"], marks=pytest.mark.tier2),
+    ],
+)  # fmt: skip
+def test_every_command_writes_its_page_where_it_is_told(capsys, tmp_path, command, options):
+    subject, page = "planar_2r_swing" if command == "simulate" else "geared_pendulum", tmp_path / "own.html"
+    if command != "check":
+        options = [*options, "--out", str(tmp_path / "out")]
+    assert main([command, subject, *options, "--page", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("<!doctype html>") and "http-equiv" in text
+    if command != "check":
+        assert capsys.readouterr().out.splitlines()[-1].endswith(f", {page}")
+        assert not list((tmp_path / "out").glob("*.html"))
+        assert main([command, subject, *options, "--page"]) == 0
+        assert len(list((tmp_path / "out").glob("*.html"))) == 1
+
+
+def test_a_page_that_cannot_be_written_is_refused_before_anything_is_computed(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    page = str(tmp_path / "file" / "page.html")
+    assert main(["size", "planar_2r", "--out", str(tmp_path / "out"), "--page", page]) == 2
+    assert "--page" in capsys.readouterr().err and not (tmp_path / "out").exists()

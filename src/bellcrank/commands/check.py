@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bellcrank.commands.options import add_trust
+from bellcrank.commands.options import add_page, add_trust, page_of
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
-from bellcrank.files.atomic_write import check_file, default_place
+from bellcrank.files.atomic_write import default_place
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf, format_findings
 from bellcrank.robot.robot_file import read_robot_file
@@ -26,13 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="robot files (URDF, xacro, MJCF, SDF), names that `bellcrank robots` lists, such as ur5, or "
         "configurations (YAML) of mechanisms",
     )
-    parser.add_argument(
+    add_page(
+        parser,
+        "the mechanism at its start, or the gaps of its loops where it has none,",
+        "NAME_start.html in the current folder",
         "--html",
-        nargs="?",
-        const="",
-        metavar="PAGE",
-        help="write a page that shows the mechanism at its start, or the gaps of its loops where it has none (default: "
-        "FILE_start.html in the current folder); write it after the files",
     )
     add_trust(parser)
 
@@ -41,13 +39,13 @@ def run(args: argparse.Namespace) -> int:
     """Print the findings about each file. Exit code 0: no errors; 1: a file has errors, or a mechanism has no start.
     Raises InputError, before anything is printed, where a file does not exist or is not XML.
     """
-    if args.html and len(args.files) > 1:
-        raise InputError(f"--html {args.html}: expected one FILE, found {len(args.files)}; write --html without a name")
+    if args.page and len(args.files) > 1:
+        raise InputError(f"--page {args.page}: expected one file, found {len(args.files)}; write --page without a name")
     paths = [Path(name) if _is_configuration(name) else find_urdf(name) for name in args.files]
     for path in paths:
         if not _is_configuration(path):
             parse_xml(read_text(path), path)
-    pages = [_page(args.html, path) for path in paths]
+    pages = [page_of(args, default_place(f"{path.stem}_start.html")) for path in paths]
     configured = [_configuration_of(name) for name in args.files]
     return max(
         _check(path, page, args.trust, scene) for path, page, scene in zip(paths, pages, configured, strict=True)
@@ -65,14 +63,6 @@ def _configuration_of(name: str) -> Path | None:
 
     path = None if Path(name).exists() else names().get(name)
     return path if path is not None and "constraints" in read_yaml(path) else None
-
-
-def _page(asked: str | None, path: Path) -> Path | None:
-    if asked is None:
-        return None
-    page = Path(asked) if asked else default_place(f"{path.stem}_start.html")
-    check_file("--html", page)
-    return page
 
 
 def _check(path: Path, page: Path | None, trust: list[str], configuration: Path | None) -> int:

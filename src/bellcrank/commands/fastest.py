@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import (
     add_output_folder,
+    add_page,
     add_robot_and_motions,
     add_set,
     add_trust,
     config_with_changes,
     number_option,
+    page_of,
     parse_payload,
     whole_option,
 )
-from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.output_files import list_on_failure, written
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -82,10 +84,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set(parser, "payloads.1.mass='5 kg'")
     add_trust(parser)
     add_output_folder(parser, "ROBOT_fastest")
-    parser.add_argument(
-        "--html", action="store_true",
-        help="write a replay page of each fastest motion, which shows the active limit at each time",
-    )  # fmt: skip
+    add_page(
+        parser,
+        "the replay of each fastest motion, which shows the active limit at each time,",
+        "fastest_MOTION.html in DIR",
+        "--html",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -106,6 +110,10 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.robot}: there is no motion whose path could be followed; give a CSV file (--motion FILE), or "
             "write a robot configuration with motions"
         )
+    if arguments.page and len(motions) > 1:
+        raise InputError(
+            f"--page {arguments.page}: expected one motion, found {len(motions)}; choose one with --motion"
+        )
     files: list[Path] = []
     status = 0
     with list_on_failure(files, folder):
@@ -115,14 +123,14 @@ def run(arguments: argparse.Namespace) -> int:
                 status = max(status, _fastest(arguments, (config, name, limits, payloads, grid), folder, files))
             else:
                 status = max(status, _scaled(arguments, (config, name, limits, payloads), factor, (folder, files)))
-    print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
+    print(f"\n{written(files, folder)}")
     return status
 
 
 def _refuse_unused(arguments: argparse.Namespace) -> None:
     """Raise InputError for options that others leave without use."""
     if arguments.scale is not None:
-        given = {"--repeat": arguments.repeat, "--grid": arguments.grid, "--html": arguments.html or None}
+        given = {"--repeat": arguments.repeat, "--grid": arguments.grid, "--page": arguments.page}
         for option in (name for name, value in given.items() if value is not None):
             raise InputError(f"{option} is for the fastest motion; leave --scale out")
     if arguments.repeat_limit is not None and arguments.repeat is None:
@@ -151,11 +159,12 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     files.append(found.to_json(folder / f"fastest_{stem}.json"))
     if not arguments.no_plots:
         files.append(found.plot(folder / f"fastest_{stem}.png"))
-    if arguments.html:
+    page = page_of(arguments, folder / f"fastest_{stem}.html")
+    if page is not None:
         from bellcrank.replays.page.page import write_page
         from bellcrank.replays.replay import film_of
 
-        files.append(write_page(film_of(found), folder / f"fastest_{stem}.html"))
+        files.append(write_page(film_of(found), page))
     if arguments.repeat is not None:
         _repeated(arguments, (config, found.motion, payloads, stem), folder, files)
     return 1 if reached(found.notes) else 0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.commands.output_files import output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import check_file
 from bellcrank.messages import format_value
 
 if TYPE_CHECKING:
@@ -167,3 +169,21 @@ def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int
             f"{most}, such as 960x720"
         )
     return width, height
+
+
+def add_page(parser: argparse.ArgumentParser, page: str, default: str, *older: str) -> None:
+    """The option for a page, the same in every command; `older` are other names of it."""
+    parser.add_argument(
+        "--page", *older, dest="page", nargs="?", const="", metavar="FILE",
+        help=f"write {page} as one HTML page (default FILE: {default}); give it after the other arguments",
+    )  # fmt: skip
+
+
+def page_of(arguments: argparse.Namespace, default: Path) -> Path | None:
+    """Where the page goes that was asked for; None where none was. Raises InputError where it cannot be written."""
+    if arguments.page is None:
+        return None
+    path = Path(arguments.page) if arguments.page else default
+    if arguments.page:
+        check_file("--page", path)
+    return path

@@ -27,7 +27,7 @@ def list_on_failure(files: list[Path], folder: Path) -> Iterator[None]:
         yield
     except BaseException:
         if files:
-            print(f"wrote {', '.join(path.name for path in files)} in {folder}")
+            print(written(files, folder))
         raise
 
 
@@ -42,3 +42,10 @@ def write_each(files: list[Path], jobs: Iterable[tuple[Path, Callable[[Path], ob
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def written(files: Iterable[Path], folder: Path) -> str:
+    """The sentence about the files that a command wrote: those in its folder by name, others by their path."""
+    files = list(files)
+    inside = ", ".join(path.name for path in files if path.parent == folder)
+    return f"wrote {inside or 'nothing'} in {folder}{''.join(f', {path}' for path in files if path.parent != folder)}"

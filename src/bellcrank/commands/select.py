@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 from bellcrank.commands.options import (
     add_accept_unknown,
     add_allow_massless,
+    add_page,
     add_set,
     add_trust,
     config_with_changes,
     number_option,
+    page_of,
     parse_payload,
     whole_option,
 )
-from bellcrank.commands.output_files import list_on_failure, output_path
+from bellcrank.commands.output_files import list_on_failure, output_path, written
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
@@ -30,7 +32,7 @@ MOST_CANDIDATES = 1000
 
 MAIN_OPTIONS = (  # the others are listed by --help-all
     "--motion", "--catalogue", "--objective", "--keep", "--payload", "--voltage", "--safety-factor", "--write-config",
-    "--report", "--out",
+    "--page", "--out",
 )  # fmt: skip
 
 
@@ -88,9 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write a robot configuration with the chosen motors and gears, which size, simulate and replay open",
     )
-    parser.add_argument(
-        "--report", action="store_true", help="write the report of the selection as one HTML page, report.html in DIR"
-    )
+    add_page(parser, "the report of the selection", "report.html in DIR", "--report")
     add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
@@ -171,6 +171,7 @@ def run(arguments: argparse.Namespace) -> int:
     given = conditions(arguments)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
     check_folder("--out", folder, FILES)
+    page = page_of(arguments, folder / REPORT)
     robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     config = robot if isinstance(robot, RobotConfig) else robot.config
     if arguments.write_config is not None:
@@ -203,13 +204,13 @@ def run(arguments: argparse.Namespace) -> int:
             from bellcrank.sizing.selection.plots import write_plots
 
             files += write_plots(selection, folder)
-        if arguments.report:
+        if page is not None:
             from bellcrank.reports.report import report
 
-            files.append(report(selection, folder / REPORT))
-        write_results(selection, folder, files[len(RESULTS) :])
+            files.append(report(selection, page))
+        write_results(selection, folder, [path for path in files[len(RESULTS) :] if path.parent == folder])
     remove_stale(folder, earlier, files)
-    print(f"\n{verdict(selection)}\nwrote {', '.join(path.name for path in files)} in {folder}")
+    print(f"\n{verdict(selection)}\n{written(files, folder)}")
     if arguments.write_config is not None:
         _write_config(selection, arguments.write_config)
     return 0 if selection.verified or (arguments.accept_unknown and selection.inside) else 1

@@ -9,8 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import add_keep_every, add_set, add_trust, keep_every, number_option, whole_option
-from bellcrank.commands.output_files import list_on_failure, output_path, write_each
+from bellcrank.commands.options import (
+    add_keep_every,
+    add_page,
+    add_set,
+    add_trust,
+    keep_every,
+    number_option,
+    page_of,
+    whole_option,
+)
+from bellcrank.commands.output_files import list_on_failure, output_path, write_each, written
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.terminal.progress import bars
@@ -51,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--csv", action="store_true", help=f"write run.csv even if the run has more than {CSV_ROWS} rows"
     )
     parser.add_argument("--no-plots", action="store_true", help="do not write pictures")
+    add_page(parser, "the report of the run", "report.html in DIR")
     parser.add_argument(
         "--frame", action="append", default=[], metavar="NAME", help="also draw the path of this frame; may be repeated"
     )
@@ -86,7 +96,8 @@ def run(arguments: argparse.Namespace) -> int:
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_run")
     target, every = folder / "run.npz", keep_every(arguments)
-    check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png", "sensitivities.*"])
+    page_of(arguments, folder / "report.html")
+    check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png", "sensitivities.*", "report.html"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
     if changes:
         scene = scene.with_overrides(changes)
@@ -116,7 +127,7 @@ def run(arguments: argparse.Namespace) -> int:
         bar(float(result.time[-1]))
     files, most = [target], CSV_ROWS
     if result.status is Status.INTERRUPTED:  # no pictures and no long table after an interruption
-        most, arguments.no_plots, arguments.frame = INTERRUPTED_ROWS, True, []
+        most, arguments.no_plots, arguments.frame, arguments.page = INTERRUPTED_ROWS, True, [], None
     wanted_csv = arguments.csv or len(result) <= most
     arguments.csv = wanted_csv
     with list_on_failure(files, folder):
@@ -132,7 +143,7 @@ def run(arguments: argparse.Namespace) -> int:
                 print(f"  note: sensitivity by {name}: {text}")
         if len(files) == 1:
             write_each(files, _others(result, folder, arguments))
-    print(f"\nwrote {', '.join(path.name for path in files)} in {folder}")
+    print(f"\n{written(files, folder)}")
     if not wanted_csv:
         print(_no_csv(result, folder, most))
     if result.status is Status.INTERRUPTED:
@@ -164,6 +175,11 @@ def _others(
         yield folder / "run.png", partial(plot_run, result)
         for frame in arguments.frame:
             yield folder / f"path_{file_name(frame)}.png", partial(plot_run, result, frame=frame)
+    page = page_of(arguments, folder / "report.html")
+    if page is not None:
+        from bellcrank.reports.report import report
+
+        yield page, partial(report, result)
 
 
 _COPIES = 4  # of the states, at most, that writing, summary and pictures hold in memory

@@ -9,14 +9,16 @@ from bellcrank.commands.options import (
     add_accept_unknown,
     add_allow_massless,
     add_output_folder,
+    add_page,
     add_robot_and_motions,
     add_set,
     add_trust,
     config_with_changes,
     number_option,
+    page_of,
     parse_payload,
 )
-from bellcrank.commands.output_files import list_on_failure
+from bellcrank.commands.output_files import list_on_failure, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value
@@ -36,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "share, such as 10%%",
     )
     add_set(parser, "payloads.1.mass='5 kg'")
+    add_page(parser, "the report of the sizing", "report.html in DIR")
     add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
@@ -50,6 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.size import size
     from bellcrank.sizing.sizing_files import (
         FILES,
+        REPORT,
         RESULTS,
         earlier_files,
         remove_stale,
@@ -67,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     tolerance = parse_share(arguments.mass_tolerance)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_sizing")
     check_folder("--out", folder, FILES)
+    page = page_of(arguments, folder / REPORT)
     config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     sizing = size(
         config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
@@ -82,9 +87,13 @@ def run(arguments: argparse.Namespace) -> int:
             from bellcrank.sizing.plots import write_plots
 
             files += write_plots(sizing, folder)
-        write_results(sizing, folder, files[len(RESULTS) :])
+        if page is not None:
+            from bellcrank.reports.report import report
+
+            files.append(report(sizing, page))
+        write_results(sizing, folder, [path for path in files[len(RESULTS) :] if path.parent == folder])
     remove_stale(folder, earlier, files)
-    print(f"\n{verdict(sizing)}\nwrote {', '.join(path.name for path in files)} in {folder}")
+    print(f"\n{verdict(sizing)}\n{written(files, folder)}")
     accepted = arguments.accept_unknown or not sizing.not_verified
     return 0 if sizing.inside and accepted else 1
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands import sweep_statistics
 from bellcrank.commands.options import add_keep_every, add_trust, keep_every, whole_option
-from bellcrank.commands.output_files import list_on_failure, output_path
+from bellcrank.commands.output_files import list_on_failure, output_path, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
@@ -173,7 +173,7 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
         print(f"sample: {result.space.sample.identity}")
         if result.space.sample.note:
             print(f"note: {result.space.sample.note}")
-    print(f"wrote {', '.join(path.name for path in files) or 'nothing'} in {folder}{file_note(result)}")
+    print(f"{written(files, folder)}{file_note(result)}")
     if not result.complete:
         earlier = [name for name in NAMES if (folder / name).exists()]
         old = f"; {', '.join(earlier)} there: of an earlier sweep" if earlier else ""

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank.commands.options import add_page, page_of
+
 if TYPE_CHECKING:
     from bellcrank.studies.sweep_result import Sweep
 
@@ -25,11 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="print the probability that a limit is exceeded with its 95 %% interval, such as 'lock.time > 13 s'; may "
         "be repeated; of a sample with --method random, or of at least 1024 designs, a multiple of 16",
     )  # fmt: skip
-    parser.add_argument(
-        "--report", action="store_true",
-        help="write sweep.html: a page with a map of the designs, in which the one that is clicked moves, and with the "
-        "distributions, probabilities and indices",
-    )  # fmt: skip
+    add_page(
+        parser,
+        "a map of the designs, in which the one that is clicked moves, with distributions, probabilities and indices,",
+        "sweep.html in DIR",
+        "--report",
+    )
 
 
 def check_limits(limits: Sequence[str], units: Mapping[str, str]) -> None:
@@ -58,7 +61,8 @@ def write_statistics(result: Sweep, arguments: argparse.Namespace, folder: Path,
     if arguments.limits and not arguments.no_plots:
         result.statistics.plot(folder / "limits.png", limits=arguments.limits)
         files.append(folder / "limits.png")
-    if arguments.report:
+    page = page_of(arguments, folder / "sweep.html")
+    if page is not None:
         from bellcrank.reports.study_report import write_study
 
-        files.append(write_study(result, folder / "sweep.html", measures=measures, limits=arguments.limits))
+        files.append(write_study(result, page, measures=measures, limits=arguments.limits))

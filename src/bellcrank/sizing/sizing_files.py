@@ -31,15 +31,18 @@ from bellcrank.sizing.structure_loads import StructureLoad
 from bellcrank.text import file_name
 
 RESULTS = ("sizing.csv", "sizing.json")
+REPORT = "report.html"
 FILES = (
     *RESULTS,
+    REPORT,
     "history_*.csv",
     "constraint_forces_*.csv",
     "over_time_*.png",
     "*torque_speed.png",
 )  # all that a sizing writes
 _OURS = re.compile(
-    r"\A(?:(?:history|constraint_forces)_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png|sizing\.csv)\Z"
+    r"\A(?:(?:history|constraint_forces)_[^/\\\0]+\.csv|over_time_[^/\\\0]+\.png|(?:motor_)?torque_speed\.png"
+    r"|sizing\.csv|report\.html)\Z"
 )
 
 
