@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.output_files import output_path
@@ -14,12 +15,19 @@ from bellcrank.files.atomic_write import check_file, default_place
 from bellcrank.files.temporaries import temporary_folder
 from bellcrank.terminal.progress import counting
 
+if TYPE_CHECKING:
+    from bellcrank.replays.geometry.meshes import Detail
+
 PICTURES = ("png", "gif", "mp4")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to show, and where to write."""
     add_result_argument(parser)
+    parser.add_argument(
+        "other", nargs="?", metavar="OTHER",
+        help="another one, which is shown over the first: tinted and translucent, its lines in the same charts",
+    )  # fmt: skip
     parser.add_argument(
         "--out", type=output_path, metavar="FILE", help="the page (default: RUN.html in the current folder)"
     )
@@ -44,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the replay. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
     from bellcrank.replays.page.page import write_page
-    from bellcrank.replays.replay import film_of, open_browser
+    from bellcrank.replays.replay import film_of, film_over, open_browser
 
     pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
     for kind, path in pictures.items():
@@ -60,20 +68,26 @@ def run(arguments: argparse.Namespace) -> int:
 
         check_rendering_tools(pictures)
     result = compute_or_load(arguments)
-    film = film_of(result, trace=arguments.trace, detail="full" if arguments.full_meshes else "reduced")
+    detail: Detail = "full" if arguments.full_meshes else "reduced"
+    film = film_of(result, trace=arguments.trace, detail=detail)
+    verdicts = [verdict_of(result)]
+    if arguments.other is not None:
+        arguments.run = arguments.other
+        other = compute_or_load(arguments)
+        verdicts.append(verdict_of(other))
+        film = film_over(film, film_of(other, trace=arguments.trace, detail=detail))
     with temporary_folder("replay") as folder:
         page = write_page(film, out if wanted else folder / "replay.html", plots=wanted and not arguments.no_plots)
         files = [draw(kind, page, path) for kind, path in pictures.items()]
-    success, verdict = verdict_of(result)
-    print(verdict)
+    print("\n".join(verdict for _, verdict in verdicts))
     for name, text in (*film.facts, *(("note", note) for note in film.notes)):
-        if name in ("error", "warning", "not known", "note"):
+        if name.rpartition(": ")[2] in ("error", "warning", "not known", "note"):
             print(f"{name}: {text}")
     for path in ([page] if wanted else []) + files:
         print(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
     if arguments.open:
         open_browser(page)
-    return 0 if success else 1
+    return 0 if all(success for success, _ in verdicts) else 1
 
 
 def _drawing(arguments: argparse.Namespace, kinds: Iterable[str]) -> Callable[[str, Path, Path], Path]:

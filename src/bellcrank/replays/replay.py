@@ -6,7 +6,7 @@ import html
 import sys
 import webbrowser
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +54,7 @@ def replay(
     path: str | Path | None = None,
     *,
     robot: Robot | Scene | None = None,
+    over: Trajectory | Motion | FastestMotion | Sizing | Selection | str | Path | None = None,
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
@@ -73,6 +74,7 @@ def replay(
         path: The file to write; .html is added if it has another suffix. Default: the source's name in the working
             folder, or in a notebook no file.
         robot: The robot of a motion, or a scene whose forces act on it. Other sources have their own.
+        over: Another source, shown over the first: tinted and translucent, its lines in the same charts.
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
@@ -100,10 +102,14 @@ def replay(
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     arguments.flag("plots", plots)
+    film = film_of(loaded, robot, trace=trace, detail=detail, title=title)
+    if over is not None:
+        other = film_of(load_source(over, trust=trust, name="over"), robot, trace=trace, detail=detail)
+        film = film_over(film, other, title)
     if path is None and _in_notebook():
-        return NotebookPage(page_html(film_of(loaded, robot, trace=trace, detail=detail, title=title), plots=plots))
+        return NotebookPage(page_html(film, plots=plots))
     target = f"{file_name(source_name(loaded))}.html" if path is None else path
-    return write_page(film_of(loaded, robot, trace=trace, detail=detail, title=title), target, plots=plots)
+    return write_page(film, target, plots=plots)
 
 
 @arguments.named
@@ -222,8 +228,16 @@ def find_run(path: str | Path) -> Path:
     return file / "run.npz"
 
 
+def film_over(film: Film, other: Film, title: str | None = None) -> Film:
+    """A film with another one over it, under a title of its own where one is given."""
+    from bellcrank.replays.film.compared_films import compared_films
+
+    both = compared_films(film, other)
+    return both if title is None else replace(both, title=title)
+
+
 def load_source(
-    source: Any, caller: str = "replay", trust: Trust = ()
+    source: Any, caller: str = "replay", trust: Trust = (), name: str = "source"
 ) -> Trajectory | Motion | FastestMotion | Sizing | Selection:
     """A run, motion, sizing or selection; a path is read, with trusted folders. Raises InputError, which names the
     caller.
@@ -232,15 +246,15 @@ def load_source(
     if isinstance(source, (str, Path)):
         from bellcrank.simulation.load_run import load_run
 
-        return load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
-    for_files_only(trust, "source", "load_run")
+        return load_run(find_run(arguments.path(name, source, kinds)), trust=trust)
+    for_files_only(trust, name, "load_run")
     if isinstance(source, (Motion, FastestMotion, Sizing, Selection)):
         return source
     from bellcrank.simulation.trajectory import Trajectory
 
     if isinstance(source, Trajectory):
         return source
-    arguments.refuse("source", kinds, source, caller, "simulate or size first")
+    arguments.refuse(name, kinds, source, caller, "simulate or size first")
 
 
 def source_name(source: Trajectory | Motion | FastestMotion | Sizing | Selection) -> str:

@@ -91,13 +91,13 @@ def interpolation_error(
     here = points[first]
     error = _length(points[rows] - here - share[..., None] * (points[last] - here))
     if np.any(radii):
-        half_turn, interpolated = _slerp(quaternions[first], quaternions[last], share)
+        half_turn, interpolated = slerp(quaternions[first], quaternions[last], share)
         error += 2.0 * radii * _length(quaternions[rows] - interpolated)
         error[half_turn > MOST_HALF_TURN] = np.inf
     return np.asarray(error.max(axis=1, initial=0.0))
 
 
-def _slerp(begin: Array, end: Array, share: Array) -> tuple[Array, Array]:
+def slerp(begin: Array, end: Array, share: Array) -> tuple[Array, Array]:
     """Half of the angles (m, k) between quaternions (m, k, 4), and the quaternions interpolated at a share (m, 1).
 
     Source: K. Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985.
