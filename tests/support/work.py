@@ -30,6 +30,7 @@ def watch() -> None:
     """Begin to count. The places are those through which all compiling, stepping and batches go."""
     from matplotlib.figure import Figure
 
+    from bellcrank import plot_style
     from bellcrank.codegen import compile as compiling
     from bellcrank.codegen import llvm
     from bellcrank.planning import fastest_pass
@@ -50,6 +51,7 @@ def watch() -> None:
     for name in ("grid_pass", "refined_pass"):
         _count(fastest_pass, name, "passes of the planner", lambda *_: 1)
     _count(Figure, "savefig", "pictures drawn", lambda *_: 1)
+    _count(plot_style, "_save_png", "pictures drawn", lambda *_: 1)
     _count(subprocess.Popen, "__init__", "processes started", lambda *_: 1)
 
 
