@@ -58,3 +58,21 @@ def test_a_page_that_cannot_be_written_is_refused_before_anything_is_computed(ca
     page = str(tmp_path / "file" / "page.html")
     assert main(["size", "planar_2r", "--out", str(tmp_path / "out"), "--page", page]) == 2
     assert "--page" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "command", [["sweep", "pendulum", "--vary", "initial.swing=0.1,0.2"], ["fastest", "geared_pendulum"]]
+)
+def test_a_page_that_cannot_be_written_is_refused_before_designs_are_run(capsys, tmp_path, command):
+    (tmp_path / "file").write_text("")
+    page = str(tmp_path / "file" / "page.html")
+    assert main([*command, "--out", str(tmp_path / "out"), "--page", page]) == 2
+    assert "--page" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_page_is_called_as_it_is_listed_and_older_options_take_no_file(capsys, tmp_path):
+    command = ["size", "--no-plots", "--out", str(tmp_path), "geared_pendulum", "--page", str(tmp_path / "my")]
+    assert main(command) == 0
+    assert "my.html in" in capsys.readouterr().out and (tmp_path / "my.html").exists()
+    assert main(["fastest", "--html", "geared_pendulum", "--no-plots", "--out", str(tmp_path / "fast")]) == 0
+    assert "fastest_lift_and_return.html" in capsys.readouterr().out

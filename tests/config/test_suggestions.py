@@ -24,9 +24,10 @@ def sized(folder, old, new):
     ("old", "new", "said"),
     [
         ("efficiency: 0.8,", "efficiency: 75,", "expected at most 1, found 75; did you mean 75 %?"),
-        ("efficiency: 0.8,", "efficiency: 0,8,", "a decimal comma separates entries here; write a point: 0.8"),
-        ("rated_torque: 0.32", "rated_torque: 0,32 N m", "write a point: 0.32 N m"),
-        ("rated_torque: 0.32", "rated_torque: '0,32 N m'", r"found '0,32 N m'; write a point: 0\.32 N m"),
+        ("efficiency: 0.8,", "efficiency: 0,8,", "a comma in a number separates entries here; write 0.8"),
+        ("rated_torque: 0.32", "rated_torque: 0,32 N m", "write 0.32 N m"),
+        ("rated_torque: 0.32", "rated_torque: '0,32 N m'", r"found '0,32 N m'; write 0\.32 N m"),
+        ("rated_speed: 3000 rpm", "rated_speed: 3,000 rpm", r"write 3\.000 rpm, or 3000 rpm"),
         ("kind: waypoints", "kind: spline", "unknown kind 'spline'; did you mean 'waypoints'?"),
         ("kind: dwell", "kind: pause", "unknown kind 'pause'; did you mean 'dwell'?"),
     ],

@@ -19,12 +19,12 @@ import time
 import weakref
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 from bellcrank import arguments
 from bellcrank.codegen import object_code
 from bellcrank.codegen.llvm import Target
+from bellcrank.files.limited_process import environment_here
 
 IDLE = 5.0  # s without work after which the process ends
 _LEVEL = 2
@@ -152,11 +152,10 @@ def _started() -> subprocess.Popen[bytes]:
     """The compiling process, in a session of its own, so that Ctrl-C at a terminal is for this process only."""
     if not sys.executable:
         raise OSError("the interpreter is not known")
-    found = os.pathsep.join(str(Path(path).absolute()) for path in sys.path)  # what this process can import
     return subprocess.Popen(
         [sys.executable, "-P", object_code.__file__],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0,
-        start_new_session=True, env=os.environ | {"PYTHONPATH": found},
+        start_new_session=True, env=environment_here(),
     )  # fmt: skip
 
 

@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "the mechanism at its start, or the gaps of its loops where it has none,",
         "NAME_start.html in the current folder",
-        "--html",
     )
+    parser.add_argument("--html", dest="page", nargs="?", const="", metavar="FILE", help="the same as --page")
     add_trust(parser)
 
 

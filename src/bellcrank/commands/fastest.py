@@ -114,6 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"--page {arguments.page}: expected one motion, found {len(motions)}; choose one with --motion"
         )
+    page_of(arguments, folder / "fastest.html")  # is refused before anything is computed
     files: list[Path] = []
     status = 0
     with list_on_failure(files, folder):

@@ -171,19 +171,24 @@ def size_option(option: str, text: str, least: int, most: int) -> tuple[int, int
     return width, height
 
 
-def add_page(parser: argparse.ArgumentParser, page: str, default: str, *older: str) -> None:
-    """The option for a page, the same in every command; `older` are other names of it."""
+def add_page(parser: argparse.ArgumentParser, page: str, default: str, older: str | None = None) -> None:
+    """The option for a page, the same in every command; `older` is another name, which takes no FILE."""
     parser.add_argument(
-        "--page", *older, dest="page", nargs="?", const="", metavar="FILE",
+        "--page", nargs="?", const="", metavar="FILE",
         help=f"write {page} as one HTML page (default FILE: {default}); give it after the other arguments",
     )  # fmt: skip
+    if older is not None:
+        parser.add_argument(older, dest="page", action="store_const", const="", help="the same as --page without FILE")
 
 
 def page_of(arguments: argparse.Namespace, default: Path) -> Path | None:
     """Where the page goes that was asked for; None where none was. Raises InputError where it cannot be written."""
     if arguments.page is None:
         return None
-    path = Path(arguments.page) if arguments.page else default
-    if arguments.page:
-        check_file("--page", path)
+    if not arguments.page:
+        return default
+    path = Path(arguments.page)
+    if path.suffix.lower() not in (".html", ".htm"):
+        path = path.with_name(f"{path.name}.html")  # as the page will be called
+    check_file("--page", path)
     return path

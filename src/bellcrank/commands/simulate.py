@@ -127,6 +127,8 @@ def run(arguments: argparse.Namespace) -> int:
         bar(float(result.time[-1]))
     files, most = [target], CSV_ROWS
     if result.status is Status.INTERRUPTED:  # no pictures and no long table after an interruption
+        if arguments.page is not None:
+            print("note: no page is written of an interrupted run; `bellcrank report` writes one")
         most, arguments.no_plots, arguments.frame, arguments.page = INTERRUPTED_ROWS, True, [], None
     wanted_csv = arguments.csv or len(result) <= most
     arguments.csv = wanted_csv

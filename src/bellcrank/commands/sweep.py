@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands import sweep_statistics
-from bellcrank.commands.options import add_keep_every, add_trust, keep_every, whole_option
+from bellcrank.commands.options import add_keep_every, add_trust, keep_every, page_of, whole_option
 from bellcrank.commands.output_files import list_on_failure, output_path, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -81,6 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
     executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
     check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *sweep_statistics.NAMES])
+    page_of(arguments, folder / "sweep.html")  # is refused before anything is computed
     plan = _plan(arguments)
     sweep_statistics.check_limits(arguments.limits, plan.runner.units)
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
@@ -177,6 +178,8 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
     if not result.complete:
         earlier = [name for name in NAMES if (folder / name).exists()]
         old = f"; {', '.join(earlier)} there: of an earlier sweep" if earlier else ""
+        if arguments.page is not None:
+            print("note: no page is written of an interrupted sweep")
         print(f"interrupted: {len(result)} of {len(result.space)} designs were run; the same command goes on{old}")
     known = result.finished and not result.not_known
     return (0 if known else 1) if result.complete else 130

@@ -35,7 +35,7 @@ def parse_number(value: object, unit: str) -> float:
     elif isinstance(value, str) and (split := split_number(value)):
         figure, written = split
         if pointed := decimal_comma(value):
-            raise ValueError(f"expected {_wanted(unit)}, found {format_value(value)}; write a point: {pointed}")
+            raise ValueError(f"expected {_wanted(unit)}, found {format_value(value)}; write {pointed}")
         if written and written not in known:
             others = ", ".join(f"'{name}'" for name in known if name)
             raise ValueError(

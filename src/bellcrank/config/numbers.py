@@ -21,8 +21,15 @@ def split_number(text: str) -> tuple[float, str] | None:
 
 
 def decimal_comma(text: str) -> str:
-    """The text with a point where it begins with a number with a decimal comma, such as "0,5 m"; else ""."""
-    return _COMMA.sub(r"\1.\2", text).strip() if _COMMA.match(text) else ""
+    """What to write where a text begins with a number with a comma, such as "0,5 m"; else "".
+
+    Before three digits the comma may separate thousands: both readings are named.
+    """
+    found = _COMMA.match(text)
+    if found is None:
+        return ""
+    pointed, joined = (_COMMA.sub(rf"\1{sign}\2", text).strip() for sign in (".", ""))
+    return f"{pointed}, or {joined}" if len(found[2]) == 3 else pointed
 
 
 def decimal_number(text: str) -> float:

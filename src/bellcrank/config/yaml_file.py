@@ -173,7 +173,7 @@ def _loader() -> Callable[[str], Any]:
         for key_node, value_node in own:
             key = loader.construct_object(key_node, deep=True)
             if node.flow_style and value_node.value == "" and (pointed := decimal_comma(f"{before},{key_node.value}")):
-                raise refuse(f"a decimal comma separates entries here; write a point: {pointed}", key_node)
+                raise refuse(f"a comma in a number separates entries here; write {pointed}", key_node)
             before = value_node.value if isinstance(value_node, yaml.ScalarNode) else ""
             line = key_node.start_mark.line + 1
             if not isinstance(key, str):

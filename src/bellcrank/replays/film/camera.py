@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bellcrank.motion.quaternions import conjugate, multiply
 from bellcrank.replays.film.film import Camera, Ground
-from bellcrank.replays.geometry.shapes import Triple
+from bellcrank.replays.geometry.shapes import triple
 
 Array = NDArray[np.float64]
 HALF_VIEW = np.tan(np.deg2rad(20.0))  # tangent of half the vertical field of view
@@ -98,7 +98,7 @@ def fit_camera(points: Array, back: Array, up: Array) -> Camera:
     depth = 0.5 * (z.max() + z.min())
     distance = max(distance, depth + 0.2 * max(float(np.ptp(z)), 1e-3), z.max() + 1e-2)
     base = middle[0] * right + middle[1] * above
-    return Camera(_triple(base + distance * back), _triple(base + depth * back), _triple(up))
+    return Camera(triple(base + distance * back), triple(base + depth * back), triple(up))
 
 
 def choose_ground(planes: Sequence[tuple[Array, float]], scene: CameraScene, fixed_base: bool) -> Ground | None:
@@ -109,7 +109,7 @@ def choose_ground(planes: Sequence[tuple[Array, float]], scene: CameraScene, fix
     """
     if planes:
         normal, height = planes[0]
-        return Ground(_triple(normal), float(height))
+        return Ground(triple(normal), float(height))
     if not fixed_base or not np.allclose(scene.up, [0.0, 0.0, 1.0]) or not np.any(scene.gravity):
         return None
     lowest, size = float(scene.points[:, 2].min()), float(np.ptp(scene.points, axis=0).max())
@@ -140,8 +140,3 @@ def _across(vector: Array, direction: Array) -> Array:
         if np.linalg.norm(rest) > 1e-6:
             return np.asarray(rest / np.linalg.norm(rest))
     raise AssertionError("one of three axes is across any direction")
-
-
-def _triple(vector: Array) -> Triple:
-    x, y, z = (float(c) + 0.0 for c in vector)
-    return (x, y, z)

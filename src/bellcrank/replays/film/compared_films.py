@@ -16,7 +16,7 @@ from bellcrank.replays.film.camera import HALF_VIEW
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, Line
 from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import Body, Triple, bounding_boxes, world_corners
+from bellcrank.replays.geometry.shapes import Body, bounding_boxes, triple, world_corners
 
 Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
@@ -159,9 +159,4 @@ def _camera(camera: Camera, poses: Array, bodies: Sequence[Body]) -> Camera:
     radius = float(np.linalg.norm(points - middle, axis=1).max())
     back = np.subtract(camera.position, camera.target)
     distance = MARGIN * max(radius, 1e-3) / np.sin(np.arctan(HALF_VIEW))
-    return Camera(_triple(middle + distance * back / np.linalg.norm(back)), _triple(middle), camera.up)
-
-
-def _triple(vector: Array) -> Triple:
-    x, y, z = vector.tolist()
-    return x, y, z
+    return Camera(triple(middle + distance * back / np.linalg.norm(back)), triple(middle), camera.up)

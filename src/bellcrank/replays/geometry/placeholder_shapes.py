@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.motion.quaternions import from_matrices
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.link_layout import LinkLayout, transform
-from bellcrank.replays.geometry.shapes import Pose, Shape, Triple
+from bellcrank.replays.geometry.shapes import Pose, Shape, triple
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def _placeholder(
 def pose(rotation: Array, position: Array) -> Pose:
     """The pose of a rotation matrix (3, 3) and a position (3,) m."""
     x, y, z, w = from_matrices(rotation).tolist()
-    return (*_triple(position), x, y, z, w)
+    return (*triple(position), x, y, z, w)
 
 
 def pose_along(direction: Array, position: Array) -> Pose:
@@ -105,10 +105,5 @@ def pose_along(direction: Array, position: Array) -> Pose:
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     w = math.sqrt(max(0.5 * (1.0 + z), 0.0))
     if w < 1e-6:
-        return (*_triple(position), 1.0, 0.0, 0.0, 0.0)
-    return (*_triple(position), -y / (2.0 * w), x / (2.0 * w), 0.0, w)
-
-
-def _triple(point: Array) -> Triple:
-    x, y, z = point.tolist()
-    return x, y, z
+        return (*triple(position), 1.0, 0.0, 0.0, 0.0)
+    return (*triple(position), -y / (2.0 * w), x / (2.0 * w), 0.0, w)

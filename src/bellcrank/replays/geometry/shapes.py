@@ -56,6 +56,12 @@ class Body:
     shapes: tuple[Shape, ...]
 
 
+def triple(vector: Array) -> Triple:
+    """The numbers of an array (3,), without negative zeros."""
+    x, y, z = (vector + 0.0).tolist()
+    return x, y, z
+
+
 # ---- bounding boxes
 
 
