@@ -26,9 +26,13 @@ _WHOLLY_TIER2 = re.compile(r"^pytestmark = pytest\.mark\.tier2$", re.MULTILINE)
 _BEFORE = pytest.StashKey[Counter[str]]()
 
 
-def pytest_configure(config):
-    """Count the work of tests, but in the process that only hands them out: there the imports would cost seconds."""
-    if "PYTEST_XDIST_WORKER" in os.environ or config.getoption("dist", "no") == "no":
+@pytest.hookimpl(trylast=True)
+def pytest_sessionstart(session):
+    """Count the work of tests, but in the process that only hands them out: there the imports would cost seconds.
+
+    A worker's coverage begins at this point too, and would not see the lines of modules that were imported before it.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ or session.config.getoption("dist", "no") == "no":
         import hypothesis
 
         hypothesis.settings.register_profile("seeded", derandomize=True, deadline=None)
