@@ -50,7 +50,10 @@ def failures(tmp_path_factory):
     found = defaultdict(list)
     for program in [path for path in build.glob("cpp_tests*") if path.is_file()]:
         report = build / f"{program.name}.xml"
-        subprocess.run([program, "--reporters=junit", f"--out={report}"], check=False, timeout=300)  # 1: some failed
+        command = [program, "--reporters=junit", f"--out={report}"]
+        ended = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, timeout=300)  # 1: some failed
+        if "ERROR: AddressSanitizer" in ended.stderr:
+            pytest.fail(f"{program.name} reads or writes outside an array:\n{ended.stderr}", pytrace=False)
         for case in ElementTree.parse(report).iter("testcase"):
             found[case.get("name")] += [f"{program.name}: {(problem.text or '').strip()}" for problem in case]
     return dict(found)

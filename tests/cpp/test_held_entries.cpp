@@ -30,17 +30,18 @@ struct Holds final : Record {
 };
 
 struct Run {
+  Numbers first, start;
   Problem p;
-  Numbers start;
   Update sample{};
   bool terminal[1] = {};
   KnownDerivatives derivatives;
 
   Run(Kernel rhs, const Numbers& x0, double end, const Numbers& held, Kernel jacobian = nullptr)
-      : p(plain_problem(rhs, x0, 0, end)), start(held), derivatives(jacobian) {
+      : first(x0), start(held), p(plain_problem(rhs, first, 0, end)), derivatives(jacobian) {
     p.held.count = p.signal_entries = static_cast<int>(start.size()), p.held.start = start.data();
     p.derivatives = &derivatives;
   }
+  Run(const Run&) = delete;  // the problem points to the numbers of this one
   Run& switches(Kernel kernel, int count) { return p.held.switches = kernel, p.held.switch_count = count, *this; }
   Run& samples(Kernel kernel, double first, double period) {
     sample = {kernel, first, period};
@@ -124,7 +125,8 @@ TEST_CASE("an instant at the end of the run is not an instant of it, and one at 
 }
 
 TEST_CASE("an update without a kernel is the record's, and one that fails ends the run") {
-  const Run run = Run(held_slope, one_state, 1, {0}).samples(nullptr, 0.25, 0.25);
+  Run run(held_slope, one_state, 1, {0});
+  run.samples(nullptr, 0.25, 0.25);
   const Holds found = run.operator()<Explicit>();
   CHECK(found.updates == 3);
   double x = 1;
