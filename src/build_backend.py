@@ -42,12 +42,22 @@ def build_wheel(
     for wheel in kept.glob("*.whl"):
         shutil.copy2(wheel, wheel_directory)
         return wheel.name
+    say("bellcrank: compiling its C++, which takes some minutes, once; the wheel is kept in build/wheels")
     name = backend.build_wheel(wheel_directory, dict(config_settings or {}), metadata_directory)
     try:
         _keep(Path(wheel_directory, name), kept)
     except OSError as error:  # such as a checkout that cannot be written
         print(f"the wheel is not kept for the next install: {error}", file=sys.stderr)
     return name
+
+
+def say(text: str) -> None:
+    """Write a line to the terminal where there is one: pip does not show what a build prints, except with -v."""
+    try:
+        with open("/dev/tty", "w", encoding="utf-8") as terminal:
+            terminal.write(f"\n{text}\n")
+    except OSError:  # no terminal
+        print(text, file=sys.stderr)
 
 
 def _keep(wheel: Path, kept: Path) -> None:

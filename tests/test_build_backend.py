@@ -1,6 +1,8 @@
 """The build backend keeps the wheel that it built, and builds anew where anything that it is made of has changed."""
 
 import importlib.util
+import os
+import pty
 import sys
 import types
 from pathlib import Path
@@ -92,3 +94,17 @@ def test_a_checkout_that_cannot_be_written_still_gives_a_wheel(backend, tmp_path
     backend.KEPT.write_text("a file where the folder should be")
     assert made(backend, tmp_path) == "src/code.cpp"
     assert "not kept" in capsys.readouterr().err
+
+
+def test_an_install_tells_the_terminal_that_it_compiles(backend, tmp_path, capfd):
+    """Even where its output goes elsewhere, as pip's builds do; without a terminal, on standard error."""
+    child, terminal = pty.fork()
+    if child == 0:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(1, 2)
+        made(backend, tmp_path)
+        os._exit(0)
+    with os.fdopen(terminal, "rb") as shown:
+        said = shown.readline() + shown.readline()
+    os.waitpid(child, 0)
+    assert b"bellcrank: compiling" in said

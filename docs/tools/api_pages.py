@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import bellcrank as bc
 
 TITLES = {
@@ -18,6 +21,7 @@ TITLES = {
     "replays": "Replays and reports",
     "errors": "Errors",
 }
+NAME = re.compile(r"(?<!\[)(?P<code>`bc\.(?P<name>\w+)(?:\.\w+)*(?:\([^`]*\))?`)(?!\])")
 ROOMS = {"reports": "replays", "codegen": "dynamics"}  # rooms without a page of their own
 
 
@@ -31,21 +35,38 @@ def groups() -> dict[str, list[str]]:
 
 
 def pages() -> dict[str, str]:
-    """Path below docs/ -> Markdown."""
-    found = {"reference/api/index.md": _index()}
+    """Path below docs/ -> Markdown, of the pages of rooms, which the build fills with the docstrings."""
+    found = {}
     for room, names in groups().items():
         text = "\n\n".join(f"::: bellcrank.{name}" for name in names)
         found[f"reference/api/{room}.md"] = f"# {TITLES[room]}\n\n{text}\n"
     return found
 
 
-def _index() -> str:
-    lines = ["# Python reference\n", "```python\nimport bellcrank as bc\n```\n"]
-    for room, names in groups().items():
-        links = ", ".join(f"[`{name}`][bellcrank.{name}]" for name in names)
-        lines.append(f"- [{TITLES[room]}]({room}.md): {links}")
-    lines.append(
+def index() -> str:
+    """The page of all names with the first sentence of each."""
+    lines = [
+        "# Python reference\n",
+        "`help(bc.NAME)` prints the whole text of a name with shapes, units, errors and an example; the site has it too.",
         "\nArrays are NumPy arrays in SI units. Position has one number a joint (rad or m, continuous joints "
-        "unwrapped). A free base comes first, with position and quaternion x y z w; its velocity is in its own frame."
-    )
+        "unwrapped). A free base comes first, with position and quaternion x y z w; its velocity is in its own frame.",
+    ]
+    for room, names in groups().items():
+        lines += [f"\n## {TITLES[room]}\n", "| name | meaning | source |", "|---|---|---|"]
+        for name in names:
+            sentence = re.split(r"(?<=\.)\s", inspect.getdoc(getattr(bc, name)) or "", maxsplit=1)[0]
+            sentence = " ".join(sentence.replace("|", "\\|").split())
+            home = bc._HOME[name].replace(".", "/")
+            lines.append(f"| `bc.{name}` | {sentence} | `bellcrank/{home}.py` |")
     return "\n".join([*lines, ""])
+
+
+def linked(markdown: str) -> str:
+    """Markdown in which each `bc.NAME` outside code blocks and links leads to its entry on the page of its room."""
+
+    def link(found: re.Match[str]) -> str:
+        code, name = found["code"], found["name"]
+        return f"[{code}][bellcrank.{name}]" if name in bc._HOME else code
+
+    parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
+    return "".join(part if part.startswith("```") else NAME.sub(link, part) for part in parts)

@@ -1,6 +1,7 @@
 """MkDocs calls this while it builds.
 
-It adds reference pages made from the sources, pages that tutorials write, and files beside docs/.
+It adds the pages of the Python interface, pages that tutorials write, and files beside docs/, and links the public
+names in all pages.
 """
 
 from __future__ import annotations
@@ -11,9 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import api_pages
-import cli_page
 import tutorial_pages
-import yaml_page
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +22,7 @@ COPIED = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md", 
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the generated pages."""
-    pages = {"reference/yaml.md": yaml_page.page(), "reference/cli.md": cli_page.page(), **api_pages.pages()}
+    pages = api_pages.pages()
     for path, source in COPIED.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         pages[path] = f"# License\n\n```text\n{text}```\n" if source == "LICENSE" else _from_docs(text)
@@ -35,12 +34,12 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Let links to files beside docs/ lead to their pages, and show the pages that tutorials write."""
+    """Let links to files beside docs/ and public names lead to their pages, and show the pages that tutorials write."""
     here = posixpath.dirname(page.file.src_uri)
     for path, source in COPIED.items():
         target = posixpath.relpath(f"../{source}", here or ".")
         markdown = markdown.replace(f"]({target})", f"]({posixpath.relpath(path, here or '.')})")
-    return tutorial_pages.shown(markdown, Path(page.file.src_uri).stem)
+    return tutorial_pages.shown(api_pages.linked(markdown), Path(page.file.src_uri).stem)
 
 
 def _from_docs(text: str) -> str:

@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 
 import api_pages
-import cli_page
 import pytest
 import yaml
 import yaml_page
@@ -24,8 +23,7 @@ FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 @functools.cache
 def generated():
     """Path -> text of the pages that the build adds."""
-    pages = {"reference/yaml.md": yaml_page.page(), "reference/cli.md": cli_page.page(), **api_pages.pages()}
-    return {DOCS / path: text for path, text in pages.items()}
+    return {DOCS / path: text for path, text in api_pages.pages().items()}
 
 
 def text_of(page):
@@ -46,7 +44,7 @@ def check(page):
         target = (page.parent / path).resolve() if path else page
         assert target in generated() or target.exists(), f"{page.name}: there is no {link}"
         assert not anchor or anchor in anchors(target), f"{page.name}: {link}: there is no such heading"
-    for name in REFERENCE.findall(text_of(page)):
+    for name in REFERENCE.findall(api_pages.linked(text_of(page))):
         found = bc
         for part in name.split(".")[1:]:
             found = getattr(found, part)
@@ -67,6 +65,11 @@ def test_a_dead_link_is_found(tmp_path):
         (tmp_path / "page.md").write_text(text)
         with pytest.raises((AssertionError, AttributeError)):
             check(tmp_path / "page.md")
+
+
+def test_public_names_become_links_and_nothing_else_does():
+    text = "`bc.size(robot)` `bc.nothing` [`bc.size`](a.md)\n```python\n`bc.size`\n```"
+    assert api_pages.linked(text) == "[`bc.size(robot)`][bellcrank.size]" + text[len("`bc.size(robot)`") :]
 
 
 def test_every_page_is_in_the_navigation():

@@ -5,10 +5,17 @@ import re
 import api_pages
 import cli_page
 import pytest
+import reference
 import yaml_page
 from yaml_recorder import recorded
 
 import bellcrank as bc
+
+
+@pytest.mark.parametrize("path", reference.pages(), ids=lambda path: path.name)
+def test_a_page_in_the_repository_is_what_the_sources_say(path):
+    """`python docs/tools/reference.py` writes them."""
+    assert path.read_text(encoding="utf-8") == reference.pages()[path]
 
 
 def test_every_key_that_readers_ask_for_is_described_and_no_other():
@@ -44,6 +51,7 @@ def test_every_public_name_is_on_a_page():
     text = "\n".join(api_pages.pages().values())
     for name in (name for name in bc.__all__ if not name.startswith("__")):
         assert len(re.findall(rf"^::: bellcrank\.{name}$", text, re.MULTILINE)) == 1
+        assert f"| `bc.{name}` | " in api_pages.index()
 
 
 def test_type_checkers_are_told_all_public_names():

@@ -638,3 +638,8 @@ def test_lengths_and_angles_that_constraints_are_apart_stand_apart_with_their_un
     assert np.array_equal(np.maximum(found["m"], found["rad"]), constraint.residual)
     assert np.array_equal(np.maximum(found["m/s"], found["rad/s"]), constraint.velocity_residual)
     assert found["m"].max() > 0.0 and found["rad"].max() > 0.0
+
+
+def test_the_rank_of_no_constraints_is_zero():
+    found = simulate("pendulum", duration=0.1, samples=3).constraint_rank()
+    assert found.rank == 0 and found.singular_values.shape == found.unique.shape == (0,)

@@ -8,6 +8,7 @@ import io
 import json
 import math
 import os
+import shutil
 import signal
 import time
 import warnings
@@ -15,6 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import fuzz_calls
+import fuzz_formats
 import fuzz_inputs
 import numpy as np
 
@@ -195,11 +198,110 @@ def override(path: str, changes: dict[str, Any]) -> None:
     finished(bc.simulate(bc.load_scene(path).with_overrides(changes), max_evaluations=5000))
 
 
-def sweep(path: str, axes: dict[str, Any]) -> None:
-    found = bc.sweep(path, axes, threads=1)
+def sweep(path: str, axes: Any, more: dict[str, Any]) -> None:
+    swept(bc.sweep(path, axes, threads=1, **{key: value for key, value in more.items() if key in SAMPLING}))
+
+
+SAMPLING = ("sample", "method", "seed")
+
+
+def swept(found: bc.Sweep) -> None:
+    repr(found)
     for design in found.designs:
         if not design.reason and any(math.isnan(value) for value in design.measures.values()):
             raise Wrong("a design with a measure that is nan and no reason")
+
+
+def catalogue(folder: str) -> None:
+    found = bc.load_catalogue(folder, shipped=False)
+    bc.write_catalogue(found.motors, found.gears, "again")
+    again = bc.load_catalogue("again", shipped=False)
+    if [each.id for each in again.motors + again.gears] != [each.id for each in found.motors + found.gears]:
+        raise Wrong("a catalogue that is written and read is another one")
+    if command(["catalogue", "check", folder]) == 2:
+        raise Wrong("a catalogue that is read and cannot be checked")
+
+
+def select(path: str, objective: str, judged: bool) -> None:
+    if judged:
+        verdict(bc.judge(path))
+        return
+    found = bc.select(path, objective=objective, candidates=2, effort=200)
+    repr(found)
+    found.to_json("selection.json")
+    found.write_config("chosen.yaml")
+    whole(Path())
+
+
+def verdict(found: bc.DriveVerdicts) -> None:
+    """A use that is not known is none: never nan."""
+    if "NaN" in found.to_json("judged.json").read_text():
+        raise Wrong("a verdict with nan")
+
+
+def moves(path: str) -> None:
+    config, arm = bc.load_robot_config(path), bc.load_robot("planar_2r")
+    for name in config.motions:
+        it = config.motion(arm, name)
+        if not all(np.isfinite(part).all() for part in (it.time, it.position, it.velocity, it.acceleration)):
+            raise Wrong("a motion that is not finite")
+        if not (np.diff(it.time) > 0.0).all():
+            raise Wrong("times of a motion that do not rise")
+
+
+@functools.cache
+def _study_folder() -> dict[str, bytes]:
+    """The folder of a study that was interrupted."""
+
+    def interrupt(done: int, _of: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    folder = Path("made")
+    with contextlib.suppress(KeyboardInterrupt):
+        bc.sweep("pendulum", AXES, threads=1, folder=folder, overrides=STUDY, progress=interrupt)
+    files = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    shutil.rmtree(folder)
+    return files
+
+
+AXES = {"initial.swing": "0.1:1:5"}
+STUDY = {"simulate.duration": 0.1, "simulate.samples": 3}
+
+
+@functools.cache
+def _whole_study() -> list[dict[str, float]]:
+    return [design.measures for design in bc.sweep("pendulum", AXES, threads=1, overrides=STUDY).designs]
+
+
+def study(seed: int) -> None:
+    """A damaged study is refused, or its designs are those of a whole one."""
+    for name, data in fuzz_formats.damaged_folder(_study_folder(), seed).items():
+        path = Path("study", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    found = bc.sweep("pendulum", AXES, threads=1, folder="study", overrides=STUDY)
+    swept(found)
+    if [design.measures for design in found.designs] != _whole_study():
+        raise Wrong("a resumed study with other results")
+
+
+def casadi(path: str) -> None:
+    """The function says at the start what the compiled equations say."""
+    it = bc.load_scene(path)
+    function = bc.scene_casadi(it)
+    run = bc.simulate(it, duration=1e-6, samples=2, max_evaluations=5000)
+    q, v, known = run.position[0], run.velocity[0], run.acceleration[0]
+    found = np.asarray(function(0.0, q, v, it.signals_at([0.0])[0], it.own_parameters)[1]).ravel()
+    if not np.isfinite(known).all():
+        return finished(run)
+    close = np.abs(found - known) <= 1e-6 * (1.0 + np.abs(known).max(initial=0.0))  # loops: proximal, of Baumgarte
+    if not close.all():
+        raise Wrong("casadi's accelerations are not those of the compiled equations")
+
+
+def call(seed: int) -> None:
+    fuzz_calls.call(seed)
 
 
 def argument(which: int, first: Any, second: Any) -> None:
@@ -300,5 +402,6 @@ def fault(name: str, number: int) -> None:
 ACTIONS: dict[str, Callable[..., int | None]] = {
     "robot": robot, "scene": scene, "motion": motion, "command": command, "saved run": saved_run, "page": page,
     "override": override, "sweep": sweep, "argument": argument,
+    "catalogue": catalogue, "select": select, "moves": moves, "study": study, "casadi": casadi, "call": call,
     "fault": fault,
 }  # fmt: skip

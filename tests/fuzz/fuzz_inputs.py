@@ -12,11 +12,12 @@ import math
 import random
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+import fuzz_formats
 import numpy as np
 import yaml
+from fuzz_case import Case, yaml_bytes
 from fuzz_damage import Damage
 from fuzz_seeds import (  # fmt: skip
     CONFIGURATION,
@@ -36,15 +37,6 @@ from fuzz_seeds import (  # fmt: skip
 )
 
 
-@dataclass(frozen=True)
-class Case:
-    """Files by name, and what to do: the name of an action (fuzz_actions.py) and its arguments."""
-
-    files: dict[str, bytes]
-    action: str
-    arguments: tuple[Any, ...]
-
-
 def _urdf(d: Damage) -> Case:
     text = URDF.replace("%s", "")
     text = d.attributes(text) if d.rng.random() < 0.75 else d.text(text)
@@ -61,21 +53,8 @@ def _mjcf(d: Damage) -> Case:
     return Case(data, "robot", ("robot.xml", {}))
 
 
-def _yaml(d: Damage, data: Any) -> bytes:
-    text = yaml.safe_dump(d.data(data), allow_unicode=True, sort_keys=False)
-    if d.rng.random() < 0.15:
-        text = d.text(text)
-    if d.rng.random() < 0.05:
-        text = (
-            "a: &a [x, x, x]\n"
-            + "".join(f"b{k}: &b{k} [{', '.join(['*' + ('a' if k == 0 else f'b{k - 1}')] * 9)}]\n" for k in range(9))
-            + text
-        )
-    return text.encode("utf-8", "replace")
-
-
 def _scene(d: Damage) -> Case:
-    return Case({"scene.yaml": _yaml(d, SCENE)}, "scene", ("scene.yaml",))
+    return Case({"scene.yaml": yaml_bytes(d, SCENE)}, "scene", ("scene.yaml",))
 
 
 def _constraints(d: Damage) -> Case:
@@ -90,7 +69,7 @@ def _constraints(d: Damage) -> Case:
     scene = json.loads(json.dumps(LOOP))
     if d.rng.random() < 0.6:
         scene["constraints"][:] = [*scene["constraints"][: d.rng.randrange(2)], d.rng.choice(others)]
-    return Case({"loop.yaml": _yaml(d, scene)}, "scene", ("loop.yaml",))
+    return Case({"loop.yaml": yaml_bytes(d, scene)}, "scene", ("loop.yaml",))
 
 
 def _expression(d: Damage) -> Case:
@@ -144,7 +123,7 @@ def _table(d: Damage, text: str) -> bytes:
 
 def _configuration(d: Damage) -> Case:
     return Case(
-        {"arm.yaml": _yaml(d, CONFIGURATION)}, "command", (["size", "arm.yaml", "--no-plots", "--out", "sized"],)
+        {"arm.yaml": yaml_bytes(d, CONFIGURATION)}, "command", (["size", "arm.yaml", "--no-plots", "--out", "sized"],)
     )
 
 
@@ -234,7 +213,7 @@ def _command(d: Damage) -> Case:
     if what in ("size", "sweep", "plot"):
         argv += ["--out", "made"]
     argv = [text.replace("\x00", "") for text in argv]  # no argument of a process can hold it
-    return Case({"scene.yaml": _yaml(d, SCENE)}, "command", (argv,))
+    return Case({"scene.yaml": yaml_bytes(d, SCENE)}, "command", (argv,))
 
 
 def _override(d: Damage) -> Case:
@@ -268,7 +247,7 @@ def _override(d: Damage) -> Case:
     return Case(
         {"scene.yaml": yaml.safe_dump(SCENE).encode()},
         "sweep",
-        ("scene.yaml", {d.rng.choice(["initial.shoulder", "parameters.k", d.rng.choice(keys)]): axis}),
+        ("scene.yaml", {d.rng.choice(["initial.shoulder", "parameters.k", d.rng.choice(keys)]): axis}, {}),
     )
 
 
@@ -314,6 +293,7 @@ KINDS: dict[str, Callable[[Damage], Case]] = {
     "command": _command,
     "override": _override,
     "argument": _argument,
+    **fuzz_formats.KINDS,
 }
 
 

@@ -47,7 +47,7 @@ class CommandLine:
     def test_check_finds_the_scene_in_order(self, loaded_file, loaded, loaded_run, capsys):
         assert main(["check", str(loaded_file)]) == 0
         printed = capsys.readouterr().out
-        rank = loaded_run.constraint_rank(0).rank if loaded.constraints else 0
+        rank = loaded_run.constraint_rank(0).rank
         freedoms = loaded.robot.nv - rank
         assert printed.startswith(f"{loaded_file}:\n") and "a consistent start was found" in printed
         assert re.search(
