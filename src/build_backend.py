@@ -54,7 +54,7 @@ def build_wheel(
 def say(text: str) -> None:
     """Write a line to the terminal where there is one: pip does not show what a build prints, except with -v."""
     try:
-        with open("/dev/tty", "w", encoding="utf-8") as terminal:
+        with Path("/dev/tty").open("w", encoding="utf-8") as terminal:
             terminal.write(f"\n{text}\n")
     except OSError:  # no terminal
         print(text, file=sys.stderr)

@@ -47,7 +47,7 @@ def index() -> str:
     """The page of all names with the first sentence of each."""
     lines = [
         "# Python reference\n",
-        "`help(bc.NAME)` prints the whole text of a name with shapes, units, errors and an example; the site has it too.",
+        "`help(bc.NAME)` prints the whole text of a name with shapes, units, errors and an example; so does the site.",
         "\nArrays are NumPy arrays in SI units. Position has one number a joint (rad or m, continuous joints "
         "unwrapped). A free base comes first, with position and quaternion x y z w; its velocity is in its own frame.",
     ]

@@ -11,6 +11,8 @@ from mutants import Results, equivalent, selection
 
 COUNT, CPP = 40, 8
 
+pytestmark = pytest.mark.tier2
+
 
 @pytest.fixture(scope="module")
 def streams():
@@ -38,14 +40,12 @@ def named(text: str, find=mutant_places.places_in) -> set[str]:
     return {mutant.name.partition(" ")[2] for mutant in find(text, "room/file")}
 
 
-@pytest.mark.tier2
 def test_a_seed_draws_the_same_mutants_and_another_seed_others(streams, mutants):
     assert selection(streams(1), Results(None)) == mutants
     others = {m.name for m in selection(streams(2), Results(None))}
     assert len(others & {m.name for m in mutants}) < COUNT / 4
 
 
-@pytest.mark.tier2
 def test_places_are_in_all_rooms_that_compute():
     rooms = {mutant.room for mutant in mutant_places.python_places(installed())}
     assert rooms == {*mutant_places.ROOMS, *mutant_places.SOME_OF, "numerics"}
@@ -59,7 +59,6 @@ def test_a_change_of_the_code_leaves_the_mutants_of_the_rest():
     assert [m.source for m in first] != text.splitlines()
 
 
-@pytest.mark.tier2
 def test_kinds_and_languages_are_drawn_in_the_numbers_that_are_asked_for(mutants):
     assert len({m.name for m in mutants}) == COUNT
     for is_cpp, count in ((False, COUNT - CPP), (True, CPP)):

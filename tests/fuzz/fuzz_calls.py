@@ -32,9 +32,9 @@ RIGHT: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 LIMITED = {"duration": 0.05, "samples": 3, "max_evaluations": 2000, "seconds": 0.1, "n": 2, "sample": 2, "effort": 100,
            "candidates": 1, "threads": 1, "grid": 20}  # fmt: skip
-# Classes that a user makes; objects of the others come from functions, and checks of their parts are those functions'.
-MADE = {"Actuator", "Catalogue", "Conditions", "CoupledTransmission", "Gear", "Motion", "MotionLimits", "Motor", "Mount",
-        "Payload", "PreparedSimulation", "Settings"}  # fmt: skip
+# Classes that a user makes; objects of the others come from functions, which check their parts.
+MADE = {"Actuator", "Catalogue", "Conditions", "CoupledTransmission", "Gear", "Motion", "MotionLimits", "Motor",
+        "Mount", "Payload", "PreparedSimulation", "Settings"}  # fmt: skip
 LEFT_OUT = {"show", "sobol_indices", "add_note", "with_traceback"}  # a browser; hours; those of exceptions
 NOT_VARIED = {"workers", "scheduler", "trust", "self"}  # other processes and machines: tested in tests/studies
 THINGS = [None, True, (), [], {}, [[]], [1], [1, 2], [1, 2, 3], {"elbow": math.nan}, {"a": 1}, b"x", 1j, object, print,
@@ -68,7 +68,8 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Linearisation": functools.cache(lambda: bc.linearise("pendulum")),
     "RootLoci": functools.cache(lambda: bc.root_loci("pendulum", "link.bob.mass", [1.0, 2.0])),
     "Catalogue": functools.cache(bc.load_catalogue),
-    "Actuator": functools.cache(lambda: bc.Actuator(ratio=50, rated_torque=10, peak_torque=20, rated_speed=8, max_speed=10)),
+    "Actuator": functools.cache(
+        lambda: bc.Actuator(ratio=50, rated_torque=10, peak_torque=20, rated_speed=8, max_speed=10)),
     "Conditions": functools.cache(bc.Conditions),
     "DriveVerdicts": functools.cache(lambda: bc.judge("planar_2r")),
     "SpeedFactor": functools.cache(lambda: bc.speed_factor("planar_2r", _swing())),
@@ -85,7 +86,7 @@ def names() -> tuple[str, ...]:
     """All public functions and classes, and methods of the objects above, as "NAME" or "CLASS.METHOD"."""
     found = [
         name for name in bc.__all__
-        if (name in MADE if inspect.isclass(getattr(bc, name)) else callable(getattr(bc, name)) and name not in LEFT_OUT)
+        if name in MADE or (inspect.isfunction(getattr(bc, name)) and name not in LEFT_OUT)
     ]  # fmt: skip
     for name in OBJECTS:
         kind = getattr(bc, name)
@@ -136,6 +137,6 @@ def _hostile(rng: random.Random, key: str) -> Any:
 
 def finite(name: str, found: Any) -> None:
     """Arrays that a function of the dynamics gives are finite."""
-    if name.startswith("Robot.") and isinstance(found, np.ndarray) and found.dtype.kind == "f":
-        if not np.isfinite(found).all():
-            raise AssertionError(f"{name} gave numbers that are not finite")
+    numbers = isinstance(found, np.ndarray) and found.dtype.kind == "f"
+    if name.startswith("Robot.") and numbers and not np.isfinite(found).all():
+        raise AssertionError(f"{name} gave numbers that are not finite")

@@ -103,13 +103,13 @@ class Damage:
         walk(data)
         numeric = [(node, key) for node, key in places if isinstance(node[key], (int, float))]
         for _ in range(self.rng.choice([1, 1, 2, 3])):
-            if numeric and self.rng.random() < gentle:
-                node, key = self.rng.choice(numeric)
-                node[key] = self.number()
-                continue
-            node, key = self.rng.choice(places)
+            gently = bool(numeric) and self.rng.random() < gentle
+            node, key = self.rng.choice(numeric if gently else places)
             if (isinstance(node, dict) and key not in node) or (isinstance(node, list) and key >= len(node)):
                 continue  # it went with what was taken out before
+            if gently:
+                node[key] = self.number()
+                continue
             what = self.rng.randrange(6)
             if what < 2:
                 node[key] = self.value()

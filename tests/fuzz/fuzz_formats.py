@@ -30,7 +30,8 @@ SDF = """<sdf version="1.6"><model name="two"><link name="base"/>
 XACRO = """<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="mass" default="2"/><xacro:property name="m" value="$(arg mass)"/>
 <xacro:property name="sizes" value="${dict(upper=0.3, lower=0.2)}"/>
-<xacro:macro name="body" params="name mass:=^|1 *place"><link name="${name}"><inertial><xacro:insert_block name="place"/>
+<xacro:macro name="body" params="name mass:=^|1 *place">
+<link name="${name}"><inertial><xacro:insert_block name="place"/>
 <mass value="${mass}"/><inertia ixx="${mass/100}" ixy="0" ixz="0" iyy="${0.1*mass}" iyz="0" izz="${0.1*mass}"/>
 </inertial></link></xacro:macro>
 <xacro:include filename="part.xacro"/>
@@ -43,9 +44,10 @@ XACRO = """<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro">
 """
 PART = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/></robot>'
 EXPRESSIONS = [
-    "x" * 40, "1/0", "[1, 2][9]", "open('/etc/passwd').read()", "().__class__.__bases__", "'x'.rjust(10**9)", "2**10**7",
-    "load_yaml('part.xacro')", "range(10**9)", "sum([[]], [])", "m.__class__", "None", "lambda: 1", "pi", "nan", "'a' * m",
-    "[x for x in range(9)]", "sizes.upper", "xacro.arg('mass')", "$(arg mass)", "'%s' % m", "1e400", "int('9'*9999)",
+    "x" * 40, "1/0", "[1, 2][9]", "open('/etc/passwd').read()", "().__class__.__bases__", "'x'.rjust(10**9)",
+    "2**10**7", "load_yaml('part.xacro')", "range(10**9)", "sum([[]], [])", "m.__class__", "None", "lambda: 1", "pi",
+    "nan", "'a' * m", "[x for x in range(9)]", "sizes.upper", "xacro.arg('mass')", "$(arg mass)", "'%s' % m", "1e400",
+    "int('9'*9999)",
 ]  # fmt: skip
 LOOP_FILES = {
     "loop.xml": (
@@ -61,11 +63,11 @@ LOOP_FILES = {
         '<link name="coupler_link"><pose>1.241 0 0 0 0 0</pose></link>\n'
         '<link name="rocker_link"><pose>1.241 0 0 0 0 0</pose></link>\n'
         '<joint name="crank" type="revolute"><parent>ground</parent><child>crank_link</child>'
-        '<axis><xyz>0 0 1</xyz></axis></joint>\n'
+        "<axis><xyz>0 0 1</xyz></axis></joint>\n"
         '<joint name="coupler" type="revolute"><parent>crank_link</parent><child>coupler_link</child>'
-        '<axis><xyz>0 0 1</xyz></axis></joint>\n'
+        "<axis><xyz>0 0 1</xyz></axis></joint>\n"
         '<joint name="rocker" type="revolute"><parent>ground</parent><child>rocker_link</child>'
-        '<axis><xyz>0 0 1</xyz></axis></joint>\n'
+        "<axis><xyz>0 0 1</xyz></axis></joint>\n"
         '<joint name="apex" type="revolute"><pose>1.2 0 0 0 0 0</pose><parent>rocker_link</parent>'
         "<child>coupler_link</child>\n<axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"
     ),
@@ -77,10 +79,11 @@ no_load_speed [rpm],nominal_torque [N m],nominal_speed [rpm],nominal_current [A]
 rotor_inertia [kg m^2],viscous_friction [N m s/rad],max_winding_temperature [°C],resistance_winding_housing [K/W],\
 resistance_housing_ambient [K/W],time_constant_winding [s],time_constant_motor [s],mass [kg],quality,source,notes
 small,Acme,S1,motor,48,0.6,0.1,dc,4500,0.5,3500,5.5,1.6,6000,4e-5,1e-5,150,0.8,2,20,900,0.8,datasheet,sheet 1,
-large,Acme,L1,servo,48,0.2,0.2,dc,2300,2.4,1800,13,8,3000,3e-4,2e-5,150,0.4,1.2,30,1500,2.2,datasheet,sheet 2,"with, comma"
+large,Acme,L1,servo,48,0.2,0.2,dc,2300,2.4,1800,13,8,3000,3e-4,2e-5,150,0.4,1.2,30,1500,2.2,datasheet,sheet 2,"a, b"
 """
 GEARS = """id,maker,model,kind,ratio,inertia [kg m^2],inertia_side,rated_torque [N m],rated_speed [rpm],\
-repeated_peak_torque [N m],momentary_torque [N m],average_speed [rpm],efficiency [%],stiffness [N m/rad],mass [kg],source
+repeated_peak_torque [N m],momentary_torque [N m],average_speed [rpm],efficiency [%],\
+stiffness [N m/rad],mass [kg],source
 g50,Acme,G50,strain_wave,50,8e-6,input,40,2000,80,150,3500,75,13000,0.7,sheet 3
 g100,Acme,G100,strain_wave,100,8e-6,input,90,2000,180,300,3500,70,20000,1.1,sheet 3
 """

@@ -12,7 +12,6 @@ import math
 import random
 import zipfile
 from collections.abc import Callable
-from typing import Any
 
 import fuzz_formats
 import numpy as np

@@ -206,3 +206,9 @@ def test_wrong_entries_are_refused(tmp_path: Path, keys: str, message: str) -> N
     with pytest.raises(bc.InputError, match=message):
         config = bc.load_robot_config(tmp_path / "m.yaml")
         config.motion(config.robot(), "m")
+
+
+@pytest.mark.parametrize("acceleration", [1e-160, 1e-300, 5e-324])
+def test_limits_that_are_too_small_to_move_are_refused(arm, acceleration):
+    with pytest.raises(bc.InputError, match=r"the motion takes more than 1e\+30 s; give larger ones"):
+        bc.point_to_point(arm, [[0, 0], [0, 1], [1, 1]], speed=1, acceleration=acceleration, jerk=100, blend=0.2)

@@ -29,6 +29,7 @@ from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
 
 Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
+MOST_UNEVEN = 1e12  # the longest distance between rows of a cubic table by the shortest: beyond, rounding decides
 CLOSEST = 1e-9  # s between the rows of a cubic table: splines overshoot strongly for closer rows
 COMPONENTS = {f"{what} {c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}  # of a wrench
 _HEADER = re.compile(r"^(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]$")
@@ -83,6 +84,12 @@ def _check_spacing(read: Fields, path: Path, time: Array, interpolation: str) ->
             "interpolation",
             f"a cubic spline requires times at least {CLOSEST:g} s apart, {path} has {time[k]!r} s and "
             f"{time[k + 1]!r} s; use linear interpolation for jumps",
+        )
+    if interpolation == "cubic" and np.diff(time).max() > MOST_UNEVEN * np.diff(time).min():
+        raise read.error(
+            "interpolation",
+            f"a cubic spline requires times whose distances differ by a factor of at most {MOST_UNEVEN:g}, those of "
+            f"{path} are from {np.diff(time).min():g} s to {np.diff(time).max():g} s; use linear interpolation",
         )
 
 

@@ -15,6 +15,8 @@ from math import inf, isfinite, sqrt
 
 import numpy as np
 
+from bellcrank.errors import InputError
+from bellcrank.motion.magnitude_limits import LONGEST
 from bellcrank.motion.profile import Profile
 
 Pieces = list[tuple[float, float, float]]  # duration, acceleration at the beginning, jerk
@@ -32,18 +34,23 @@ class Section:
     even: bool = False
 
 
-def timing(kind: str, sections: Sequence[Section]) -> Profile:
+def timing(kind: str, sections: Sequence[Section], title: str = "path") -> Profile:
     """The profile over sections, from rest to rest. Each section that is not even has a limit of acceleration, and of
-    jerk for the kind "s_curve".
+    jerk for the kind "s_curve". Raises InputError where limits are so small that nothing moves; `title` begins it.
     """
     used = [section for section in sections if section.length > 0.0]
     speeds = _border_speeds(used)
     pieces: Pieces = []
     for section, (begin, end) in zip(used, pairwise(speeds), strict=True):
+        peak = begin if section.even else _peak(begin, end, section)
+        if not section.length / LONGEST < peak:
+            raise InputError(
+                f"{title}: the limits of speed, acceleration and jerk are so small that the motion takes more than "
+                f"{LONGEST:g} s; give larger ones"
+            )
         if section.even:
             pieces.append((section.length / begin, 0.0, 0.0))
             continue
-        peak = _peak(begin, end, section)
         rest = section.length - _way(begin, peak, section) - _way(peak, end, section)
         pieces += [*_change(begin, peak, section), (max(0.0, rest) / peak, 0.0, 0.0), *_change(peak, end, section)]
     return _profile(kind, pieces, sum(section.length for section in used))

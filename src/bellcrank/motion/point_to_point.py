@@ -177,7 +177,7 @@ def _timing(robot: Robot, path: BlendedPath, limits: Mapping[str, Array], kind: 
                 np.cbrt(_least(limits["jerk"], turn * MOST_BENT / width**2)) if "jerk" in limits else np.inf,
             )
             sections.append(Section(length=float(width), speed=float(speed), even=True))
-    return timing(kind, sections)
+    return timing(kind, sections, title)
 
 
 def _bounds(robot: Robot, limits: Mapping[str, Array], rates: Array, title: str) -> dict[str, Any]:

@@ -62,7 +62,7 @@ class Polyline:
         for last in [k for k, blend in enumerate(blends) if blend == 0.0] + [len(segments) - 1]:
             own = slice(first, last + 1)
             path = blended(segments[own], blends[first:last], title, "m", first + 1)
-            profile = timing(options.profile, _sections(path.segments, path.blends, curvatures[own], limits))
+            profile = timing(options.profile, _sections(path.segments, path.blends, curvatures[own], limits), title)
             alone = replace(options, duration=None, profile="constant", speed=1.0, acceleration=None, jerk=None)
             found.append(replace(alone.path(path, path.length), timing=profile, knots=path.knots))
             first = last + 1

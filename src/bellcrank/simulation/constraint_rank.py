@@ -34,14 +34,17 @@ class ConstraintRank:
     rank: int
     unique: NDArray[np.bool_]
 
+    @classmethod
+    def of_none(cls) -> ConstraintRank:
+        """That of a scene without constraints."""
+        return cls(np.zeros(0), 0, np.zeros(0, dtype=np.bool_))
+
 
 def rank_of(system: System, t: Array, x: Array, u: Array, p: Array) -> ConstraintRank:
-    """The rank of a system's constraints at a time (1) s, state, signals and parameters; 0 where there are none.
+    """The rank of a system's constraints at a time (1) s, state, signals and parameters.
 
     Raises InputError where a number is not finite or an inertia negative.
     """
-    if not system.multiplier_names:
-        return ConstraintRank(np.zeros(0), 0, np.zeros(0, dtype=np.bool_))
     with np.errstate(all="ignore"):
         jacobian, mass = system.constraint_metric(t, x, u, p)
         checked(mass, "the mass matrix at this row of the run is")

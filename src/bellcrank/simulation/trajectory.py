@@ -219,7 +219,7 @@ class Trajectory(StateHistory):
             row: The row of the run, from −n to n − 1.
 
         Returns:
-            Singular values, rank, and which multipliers are unique.
+            Singular values, rank (0 without constraints), and which multipliers are unique.
 
         Raises:
             InputError: There is no such row, a number in it is not finite, or an inertia is negative.
@@ -229,10 +229,12 @@ class Trajectory(StateHistory):
             >>> bc.simulate("four_bar").constraint_rank().rank
             2
         """
-        from bellcrank.simulation.constraint_rank import rank_of
+        from bellcrank.simulation.constraint_rank import ConstraintRank, rank_of
 
         count = len(self.time)
         row = arguments.whole("row", row, least=-count, most=count - 1)
+        if not self.multiplier_names:
+            return ConstraintRank.of_none()
         return rank_of(system_of(self.scene), *(a if a.ndim == 1 else a[row] for a in self._arguments))
 
     def error_estimate(self) -> float:
