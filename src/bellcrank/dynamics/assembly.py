@@ -5,7 +5,8 @@ dampers and friction. With τ the sum of the joint forces of the scene,
 
     q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
 
-Constraints add their multipliers (constraint_derivatives.py, kkt.py). Source: Featherstone, Rigid Body Dynamics
+Constraints add their multipliers (constraint_derivatives.py, kkt.py), and joints that dry friction keeps at rest the
+forces that do so (stuck_joints.py). Source: Featherstone, Rigid Body Dynamics
 Algorithms (2008), ch. 7, by Pinocchio.
 """
 
@@ -17,9 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.dynamics.kkt import ConstrainedSolution, solve_constrained
+from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
+from bellcrank.dynamics.stuck_joints import StuckJoints
 from bellcrank.elements.symbols import Symbols
+from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
 from bellcrank.scene.equation_symbols import EquationSymbols
 
@@ -54,6 +57,8 @@ class Assembly:
         events: The event functions (events).
         symbols: The symbols that elements write their expressions in.
         solution: The solved constraints; None for a scene without constraints.
+        mode_switches: Functions that are positive while the modes of joints with dry friction last.
+        mode_turn: What a run needs to find their new modes (`StuckJoints.turn`).
     """
 
     t: casadi.SX
@@ -77,6 +82,8 @@ class Assembly:
     symbols: Symbols
     event_equations: EquationSymbols  # what events are written in
     solution: ConstrainedSolution | None = None  # of a scene with constraints
+    mode_switches: casadi.SX
+    mode_turn: casadi.SX
 
     @property
     def has_work(self) -> bool:
@@ -133,6 +140,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
     gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
+    held = _Held(casadi.SX(0, 1), casadi.SX(0, 1), casadi.SX(0, 1))
     if scene.constraints:
         rows, sizes = _symbolic_rows(scene)
         constraints = differentiate_constraints(scene.constraints, rows, s)
@@ -140,11 +148,24 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         solution = solve_constrained(mass_matrix(s), constraints, torque - bias, gains, share)
         p = casadi.vertcat(p, sizes, share)
         acceleration = solution.proximal.acceleration
+        if scene.dry_friction:
+            solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s))
+            acceleration = solution.proximal.acceleration
         reaction = constraints.jacobian.T @ solution.proximal.multipliers
         plain_power = power + constraints.power(solution.plain.multipliers)
         power = power + constraints.power(solution.proximal.multipliers)
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
+        if scene.dry_friction:
+            joints = _stuck_joints(scene, s)
+            response, inertia = s.response(joints.rows), casadi.diag(mass_matrix(s))[list(joints.rows)]
+            forces = joints.forces(acceleration, response, inertia, regular=True)
+            held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response))
+            acceleration = joints.at_rest(acceleration + response @ forces)
+    for k, part in enumerate(scene.dry_friction):
+        s.holding[part.name] = held.forces[k]
+        passive += s.joint_force(part.joint.v, held.forces[k])
+    torque = actuator + passive
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # an independent check of the accelerations: recursive Newton-Euler must give back the torque
     residual = newton_euler(s.q, s.v, acceleration, s.tracer_parameters) - torque - reaction
@@ -186,7 +207,55 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         symbols=s,
         event_equations=event_equations,
         solution=solution,
+        mode_switches=held.switches,
+        mode_turn=held.turn,
     )
+
+
+class _Held(NamedTuple):
+    """The forces of dry friction at stuck joints, the functions while the modes last, and what finds new modes."""
+
+    forces: casadi.SX
+    switches: casadi.SX
+    turn: casadi.SX
+
+
+def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
+    """The joints of a scene with dry friction, in a run. Raises InputError outside of one."""
+    if not s.held_sides:
+        raise InputError(
+            f"{scene.source}: joints.{scene.dry_friction[0].joint.name}.dry_friction: a joint that sticks has no "
+            "equations of motion without the modes that a run holds; remove dry_friction, or give friction: (smoothed)"
+        )
+    return StuckJoints.of(scene.dry_friction, s)
+
+
+def _with_stuck_joints(solution: ConstrainedSolution, joints: StuckJoints) -> tuple[ConstrainedSolution, _Held]:
+    """Solved constraints with the forces at stuck joints, by both ways of solving them."""
+    import casadi
+
+    nv, rows = solution.mass.size1(), list(joints.rows)
+    unit = [casadi.SX(casadi.DM.eye(nv)[:, row]) for row in rows]
+    none, inertia = casadi.SX(solution.plain_factor.m, 1), casadi.diag(solution.mass)[rows]
+
+    def held(found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]) -> tuple[KktSolution, casadi.SX]:
+        response = casadi.horzcat(*[a for a, _ in responses])
+        forces = joints.forces(found.acceleration, response, inertia, regular=False)
+        return KktSolution(
+            joints.at_rest(found.acceleration + response @ forces),
+            found.multipliers + casadi.horzcat(*[m for _, m in responses]) @ forces,
+            joints.at_rest(found.displacement),
+            joints.at_rest(found.velocity_change),
+        ), forces
+
+    regular = [proximal(solution.proximal_factor, e, none, REFINEMENTS) for e in unit]
+    plain, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in unit])
+    slow, forces = held(solution.proximal, regular)
+    quick = casadi.horzcat(*[solution.proximal_factor.solve(e, none)[1] for e in unit])
+    turn = joints.turn(solution.proximal.acceleration, casadi.horzcat(*[a for a, _ in regular]))
+    return replace(
+        solution, plain=plain, proximal=slow, event_multipliers=solution.event_multipliers + quick @ forces
+    ), _Held(forces, joints.switches(forces), turn)
 
 
 class AppliedForces(NamedTuple):

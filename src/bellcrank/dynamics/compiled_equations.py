@@ -153,7 +153,9 @@ class System:
 
     @cached_property
     def switches(self) -> Compiled:
-        """(t, x, u, p) -> the functions at whose zeros forces are not smooth, in the order of their sides in u."""
+        """(t, x, u, p) -> the functions at whose zeros forces are not smooth, in the order of their sides in u, then
+        those that are positive while the modes of joints with dry friction last.
+        """
 
         def build() -> casadi.Function:
             import casadi
@@ -161,9 +163,14 @@ class System:
             s, found = self.assembly.symbols, []
             for part in self._scene.elements:
                 found += [term_value(term, s, s.sides(part)) for term in part.switches]
-            return self._state_function("switches", [casadi.vertcat(*found)])
+            return self._state_function("switches", [casadi.vertcat(*found, self.assembly.mode_switches)])
 
         return self._compiled("switches", build)
+
+    @cached_property
+    def mode_turn(self) -> Compiled:
+        """(t, x, u, p) -> what a run needs to find new modes of joints with dry friction (stuck_joints.py)."""
+        return self._compiled("modes", lambda: self._state_function("modes", [self.assembly.mode_turn]))
 
     @cached_property
     def _updates(self) -> dict[tuple[int, int], Compiled]:

@@ -124,6 +124,11 @@ class Element:
         return held_source(f"sides of {self.owner} {self.name}", [1.0] * len(terms)) if terms else None
 
     @property
+    def mode(self) -> HeldSource | None:
+        """The entry of u that holds whether its joint is stuck (dry_friction.py)."""
+        return None
+
+    @property
     def samples(self) -> HeldSource | None:
         """The entries of u that a sampled controller holds (sampled_controllers.py)."""
         return None

@@ -82,6 +82,7 @@ class Symbols:
         self._frames: dict[str, FrameSymbols] = {}
         self._gathered = list(dict.fromkeys(frames))
         self._frame_source: FrameSource | None = None
+        self.holding: dict[str, casadi.SX] = {}  # the force of dry friction at a stuck joint, by name (stuck_joints.py)
 
     # ---- inputs
 
@@ -226,6 +227,13 @@ class Symbols:
         f = _function(self._traced((0.0, 0.0, 0.0)).inverse_dynamics())
         q, v, a, p = f.sx_in()
         return casadi.Function("inertia", [q, a, p], [casadi.densify(f(q, casadi.SX.zeros(v.shape), a, p))])
+
+    def response(self, rows: Sequence[int]) -> casadi.SX:
+        """M⁻¹ e (nv, k) of unit forces at the rows of v, by the articulated-body algorithm without gravity."""
+        import casadi
+
+        f, rest = _function(self._traced((0.0, 0.0, 0.0)).forward_dynamics()), casadi.SX.zeros(self.robot.nv, 1)
+        return casadi.horzcat(*[f(self.q, rest, self.joint_force(row, 1.0), self.tracer_parameters) for row in rows])
 
     def joint_force(self, index: int, value: casadi.SX | float) -> casadi.SX:
         """A generalised force (nv) with one entry."""

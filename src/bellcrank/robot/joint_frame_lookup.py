@@ -60,6 +60,11 @@ class RobotDescription(Portable):
         self.effort_limit, self.velocity_limit = _read_only(data.limits.effort), _read_only(data.limits.velocity)
         self._tree = data.tree
         viscous, coulomb = friction_coefficients(self.name, self.joints, self.mimics(), options.friction, data.friction)
+        self.replaced_friction: dict[str, tuple[float, float]] = {}  # viscous, Coulomb of joints with other friction
+        for joint in self.joints:
+            if joint.name in options.without_friction:
+                self.replaced_friction[joint.name] = float(viscous[joint.v]), float(coulomb[joint.v])
+                viscous[joint.v : joint.v + joint.nv] = coulomb[joint.v : joint.v + joint.nv] = 0.0
         self.viscous, self.coulomb = _read_only(viscous), _read_only(coulomb)
         rotors = self._checked_rotors(options.rotor_inertia)
         rotor_inertia = np.zeros(self.nv)

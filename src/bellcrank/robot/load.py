@@ -102,6 +102,7 @@ def load_options(
     frames: FrameTable | None,
     clean: bool = True,
     friction_width: float = FRICTION_WIDTH,
+    without_friction: frozenset[str] = frozenset(),
 ) -> LoadOptions:
     """The checked arguments of `load_robot`, which describes them. Raises InputError."""
     return LoadOptions(
@@ -112,6 +113,7 @@ def load_options(
             "friction_width", friction_width, "rad/s or m/s", above=0.0, most=arguments.LARGEST
         ),
         friction=checked_friction(friction),
+        without_friction=without_friction,
         payloads=arguments.several("payloads", payloads, Payload, "Payloads"),
         frames={} if frames is None else checked_frames(frames),
         rotor_inertia=rotor_inertia,

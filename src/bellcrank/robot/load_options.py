@@ -20,6 +20,7 @@ class LoadOptions:
     floating_base: bool = False
     friction: Friction = "urdf"
     friction_width: float = FRICTION_WIDTH
+    without_friction: frozenset[str] = frozenset()  # joints that a scene gives other friction
     payloads: tuple[Payload, ...] = ()
     rotor_inertia: Mapping[str, float] = field(default_factory=dict)
     frames: FrameTable = field(default_factory=dict)

@@ -30,6 +30,7 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission, transm
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
+from bellcrank.elements.dry_friction import dry_joints
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
@@ -56,6 +57,7 @@ CONFIG_KEYS = (
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
+    "joints",
 )  # fmt: skip
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
@@ -91,6 +93,7 @@ class RobotConfig:
         file: The contents of the robot file; None: it is read when the robot is loaded.
         access: The rule which files the configuration may name.
         overrides: The values that sizing or a selection changed in the file, by dotted path.
+        without_friction: The joints whose friction here is replaced by dry friction of the scene (dry_friction.py).
 
     Example:
         >>> import bellcrank as bc
@@ -120,6 +123,7 @@ class RobotConfig:
     file: RobotFile | None = field(default=None, repr=False, compare=False)
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    without_friction: tuple[str, ...] = ()
 
     @property
     def coupled_motors(self) -> tuple[str, ...]:
@@ -159,6 +163,7 @@ class RobotConfig:
                 gravity=self.gravity,
                 floating_base=self.floating_base,
                 friction=self.friction,
+                without_friction=frozenset(self.without_friction),
                 payloads=(*self.payloads, *extra),
                 rotor_inertia=self._rotors(),
                 frames=dict(self.frames),
@@ -391,6 +396,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         rotor_inertia={joint: rotors.number(joint, "kg m^2", nonnegative=True) for joint in rotors},
         notes=_notes(fields),
         access=robot_access(fields, urdf),
+        without_friction=dry_joints(fields),
     )
 
 

@@ -1,15 +1,15 @@
 """A scene: a robot configuration with constraints, forces, controllers, a start, parameters, events and outputs.
 
 One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
-(robot_config.py), all of them optional: constraints, forces and control (bellcrank.elements: constraints.py, forces.py,
-controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events (events.py), outputs
+(robot_config.py), all of them optional: constraints, forces, joints and control (bellcrank.elements: constraints.py,
+forces.py, dry_friction.py, controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events (events.py), outputs
 (outputs.py), simulate (settings.py) and study (study.py).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,8 @@ from bellcrank.elements.constraints import read_constraints
 from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import read_control
-from bellcrank.elements.element import Element, Force
+from bellcrank.elements.dry_friction import DryFriction, read_dry_friction
+from bellcrank.elements.element import Element, Force, joint_unit
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
 from bellcrank.elements.forces import read_forces
 from bellcrank.elements.formula_controllers import StateFeedback
@@ -193,7 +194,7 @@ class Scene(Portable):
         data = apply_overrides(self.source_data, overrides)
 
         def own(mapping: Mapping[str, Any]) -> dict[str, Any]:
-            return {key: plain(value) for key, value in mapping.items() if key not in SCENE_KEYS}
+            return {key: plain(value) for key, value in mapping.items() if key == "joints" or key not in SCENE_KEYS}
 
         if self.config.file is not None and any(data.get(k) != self.source_data.get(k) for k in ("urdf", "robot_file")):
             bare = without_robot_file(self.source_data, self.config.file)
@@ -283,6 +284,11 @@ class Scene(Portable):
         """The forces, controllers and constraints."""
         return (*self.forces, *self.control, *self.constraints)
 
+    @property
+    def dry_friction(self) -> tuple[DryFriction, ...]:
+        """The dry friction of joints, which is among the forces."""
+        return tuple(part for part in self.forces if isinstance(part, DryFriction))
+
     # ---- signals
 
     @property
@@ -299,7 +305,17 @@ class Scene(Portable):
         """
         driven = {joint.name for part in self.control for joint in part.joints}
         driven |= {part.joint.name for part in self.constraints if isinstance(part, PrescribedMotion)}
-        return in_use(self.config.notes, driven, bool(self.robot.gravity.any()))
+        found = in_use(self.config.notes, driven, bool(self.robot.gravity.any()))
+        return (*found, *self._replaced_friction())
+
+    def _replaced_friction(self) -> Iterator[Note]:
+        for part in self.dry_friction:
+            viscous, coulomb = self.robot.replaced_friction.get(part.joint.name, (0.0, 0.0))
+            if viscous or coulomb:
+                yield Note(
+                    f"joint '{part.joint.name}': dry_friction replaces its other friction, viscous {viscous:g} "
+                    f"{joint_unit(part.joint, 'damping')} and Coulomb {coulomb:g} {joint_unit(part.joint, 'torque')}."
+                )
 
     @property
     def signal_sources(self) -> tuple[SignalSource, ...]:
@@ -309,8 +325,15 @@ class Scene(Portable):
 
     @property
     def held_sources(self) -> tuple[HeldSource, ...]:
-        """The last of them: entries of u that a run finds (held_inputs.py), the sides of switches first."""
-        found = [*(part.switch_sides for part in self.elements), *(part.samples for part in self.elements)]
+        """The last of them: entries of u that a run finds (held_inputs.py).
+
+        First the sides of switches, then the modes of joints with dry friction, then what controllers hold.
+        """
+        found = [
+            *(part.switch_sides for part in self.elements),
+            *(part.mode for part in self.elements),
+            *(part.samples for part in self.elements),
+        ]
         return tuple(source for source in found if source is not None)
 
     @cached_property
@@ -463,6 +486,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
     formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
     forces = read_forces(read, formulas)
+    forces = (*forces, *read_dry_friction(read, robot, forces))
     motors = config.actuated or config.joints_with_actuators
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
     control = read_control(

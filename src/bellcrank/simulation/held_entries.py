@@ -32,6 +32,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     if not sources:
         return None
     system, count = system_of(scene), sum(len(part.switches) for part in scene.elements)
+    rows = [system.nq + part.joint.v for part in scene.dry_friction]
     updates = [
         (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
         for k, part in enumerate(scene.control)
@@ -41,7 +42,9 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     return HeldEntries(
         start=np.concatenate([source.start for source in sources]),
         switch_count=count,
-        switches=make_ready(((system.switches, "scalar"),))[0] if count else 0,
+        switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
+        mode_rows=rows,
+        mode_turn=make_ready(((system.mode_turn, "scalar"),))[0] if rows else 0,
         updates=[(address, each.first, each.period) for address, each in updates],
     )
 

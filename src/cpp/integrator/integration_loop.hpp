@@ -51,7 +51,7 @@ class IntegrationLoop {
       if (held_.exist() && !held_.begin(stepper_.t, stepper_.state())) return held_failure();
       const double bound = held_.exist() ? held_.bound(stepper_.t, stop) : stop;
       rhs_.latest = bound < p_.t1 ? std::nextafter(bound, p_.t0) : p_.latest;
-      if (!stepper_.begin()) return Status::non_finite;
+      if (!begin_step()) return Status::non_finite;
       observed_.begin();
       if (!begun_) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
@@ -101,9 +101,15 @@ class IntegrationLoop {
 
   // Goes on beyond a switch.
   bool turn() {
-    if (!held_.turn(stepper_.t, stepper_.state()) || !stepper_.begin()) return false;
+    if (!held_.turn(stepper_.t, stepper_.state()) || !begin_step()) return false;
     observed_.begin();
     return true;
+  }
+
+  // From the state that held entries leave.
+  bool begin_step() {
+    const double* rested = held_.exist() ? held_.rested() : nullptr;
+    return rested ? stepper_.resume(stepper_.t, rested, stepper_.next_step()) : stepper_.begin();
   }
 
   Status held_failure() const {

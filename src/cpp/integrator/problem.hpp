@@ -50,9 +50,13 @@ struct Update {
   double first, period;
 };
 struct HeldEntries {
-  int count, switch_count;
+  int count, switch_count;  // sides first, then modes, then what updates compute
+  int mode_count;           // of joints with dry friction; three entries each (held_entries.hpp)
+  const int* mode_rows;     // the entries of x that are their velocities
+  Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of stuck joints (m), its
+                            // response to forces (m, m), limits of forces at rest (m), forces of sliding joints (m)
   const double* start;  // (count)
-  Kernel switches;      // (t, x, u, p) -> the functions (switch_count)
+  Kernel switches;      // (t, x, u, p) -> the functions of sides, and those that are positive while modes last
   const Update* updates;
   int update_count;
 };

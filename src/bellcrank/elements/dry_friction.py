@@ -1,0 +1,144 @@
+"""Dry friction of joints: a joint sticks until the force that would move it exceeds the static friction.
+
+Each entry of the mapping `joints` has the name of a joint and its `dry_friction`. At speed v > 0 its size is
+
+    F(v) = coulomb + (static − coulomb) exp(−v / speed)     (law: exponential)
+    F(v) = coulomb + (static − coulomb) / (1 + v / speed)   (law: hyperbolic)
+
+plus viscous v, against the motion; at v = 0 it takes any value up to `static` that keeps the joint at rest. Sources:
+exponential, Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994); hyperbolic, with coulomb = 0, Leine &
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), 6.5.
+
+A simulation holds the mode of each such joint: which way it slides, or that it is at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.element import (  # fmt: skip
+    NONNEGATIVE,
+    POSITIVE,
+    Force,
+    GeneralisedForce,
+    joint_named,
+    joint_unit,
+    number,
+)
+from bellcrank.elements.held_inputs import HeldSource, held_source
+from bellcrank.elements.joint_forces import Friction, JointForce, Numbers
+from bellcrank.robot.robot import Robot, RobotJoint
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+
+LAWS: Final = ("exponential", "hyperbolic")
+KEY: Final = "dry_friction"
+
+
+@dataclass(frozen=True)
+class DryFriction(JointForce):
+    """Dry friction of a joint, N m or N; `speed` (rad/s or m/s) is that over which it falls from static to Coulomb."""
+
+    coulomb: float
+    static: float
+    speed: float
+    viscous: float
+    law: str
+    kind: ClassVar[str] = KEY
+    NUMBERS: ClassVar[Numbers] = {
+        "coulomb": ("torque", None, NONNEGATIVE),
+        "static": ("torque", None, POSITIVE),
+        "speed": ("velocity", 1.0, POSITIVE),
+        "viscous": ("damping", 0.0, NONNEGATIVE),
+    }
+
+    @property
+    def mode(self) -> HeldSource:
+        """The entries of u that hold the mode during a run: the direction d of motion, against which the force acts;
+        whether the joint moves; and whether its force is what keeps it at rest (1 or 0).
+
+        In a closed linkage that other joints hold, a joint may be at rest with its largest force (d is 1 or −1) or
+        with none (d is 0).
+        """
+        return held_source(f"mode of {self.name}", [0.0, 0.0, 1.0])
+
+    def limit(self, symbols: Symbols) -> casadi.SX:
+        """The largest force at rest, N m or N."""
+        import casadi
+
+        return casadi.SX(self.value(symbols, "static"))
+
+    def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
+        """The force (N m or N) at the joint's velocity while it moves in a direction, 1 or −1; 0 for 0."""
+        import casadi
+
+        velocity = symbols.joint(self.joint).velocity
+        coulomb, static, speed = (self.value(symbols, name) for name in ("coulomb", "static", "speed"))
+        share = direction * velocity / speed
+        falling = casadi.exp(-share) if self.law == "exponential" else 1.0 / (1.0 + share)
+        constant = isinstance(coulomb, float) and isinstance(static, float) and coulomb == static
+        return -direction * (casadi.SX(coulomb) if constant else coulomb + (static - coulomb) * falling)
+
+    def direction(self, symbols: Symbols) -> casadi.SX:
+        """The direction of motion, as held by a run; elsewhere the sign of the velocity."""
+        import casadi
+
+        return symbols.signal(self.mode)[0] if symbols.held_sides else casadi.sign(symbols.joint(self.joint).velocity)
+
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """The force of sliding and the viscous one; that of a stuck joint follows from the equations of motion."""
+        _, velocity, index = symbols.joint(self.joint)
+        force = self.sliding(symbols, self.direction(symbols)) - self.value(symbols, "viscous") * velocity
+        return GeneralisedForce(symbols.joint_force(index, force), symbols.zero, force * velocity, False)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The force at the joint, N m or N, stuck or sliding."""
+        return super().measure(symbols) + symbols.holding.get(self.name, 0.0)
+
+
+def dry_joints(read: Fields) -> tuple[str, ...]:
+    """The names of the joints of a scene that have dry friction. Raises InputError."""
+    joints = read.mapping("joints", {})
+    return tuple(name for name in joints if KEY in joints.mapping(name))
+
+
+def read_dry_friction(read: Fields, robot: Robot, forces: Sequence[Force]) -> tuple[DryFriction, ...]:
+    """Read the mapping `joints` of a scene. Raises InputError naming file and key."""
+    joints, found = read.mapping("joints", {}), []
+    for name in joints:
+        entry = joints.mapping(name)
+        joint = joint_named(joints, name, name, robot)
+        entry.only((KEY,))
+        if KEY not in entry:
+            raise joints.error(name, f"expected '{KEY}', found nothing")
+        part = _friction(entry.mapping(KEY), joint)
+        for other in forces:
+            if isinstance(other, Friction) and other.joint.name == name:
+                raise entry.error(KEY, f"force '{other.name}' is friction of the same joint; remove one of the two")
+            if other.name == part.name:
+                raise entry.error(KEY, f"the name '{part.name}' is taken by a force; give the force another name")
+        found.append(part)
+    return tuple(found)
+
+
+def _friction(read: Fields, joint: RobotJoint) -> DryFriction:
+    read.only((*DryFriction.NUMBERS, "law"))
+    coulomb = number(read, "coulomb", joint_unit(joint, "torque"), bound=NONNEGATIVE)
+    static = number(read, "static", joint_unit(joint, "torque"), coulomb, NONNEGATIVE)
+    law = read.choice("law", LAWS, "exponential")
+    if static < coulomb:
+        raise read.error("static", f"expected at least 'coulomb', {coulomb:g}, found {static:g}")
+    if static == 0.0:
+        raise read.error("coulomb", "expected more than 0, found 0; without dry friction remove 'dry_friction'")
+    if static > coulomb and "speed" not in read:
+        raise read.error("static", "static friction above 'coulomb' requires 'speed', over which it falls")
+    speed = number(read, "speed", joint_unit(joint, "velocity"), 1.0, POSITIVE)
+    viscous = number(read, "viscous", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
+    read.done()
+    return DryFriction(f"{KEY}_{joint.name}", read, joint, coulomb, static, speed, viscous, law)

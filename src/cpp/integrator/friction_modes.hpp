@@ -1,0 +1,139 @@
+// New modes of joints with dry friction whose velocities are 0: which of them stick, and which begin to slide, and whither.
+//
+// With accelerations a = b + A τ and forces |τ| <= c, A symmetric and positive semidefinite: a = 0 where |τ| < c, a >= 0
+// where τ = -c, a <= 0 where τ = c. This is a linear complementarity problem with two bounds, solved by pivots of least
+// index, which end for positive definite A: J. J. Júdice & F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596; K. G. Murty,
+// Linear Complementarity (1988), ch. 6. If rounding keeps them from ending, relaxation goes on from there.
+//
+// In closed linkages a joint may be held by others. The accelerations are unique then and the forces are not: those of the
+// joints of largest index are 0 while the others bear the load.
+#pragma once
+
+#include <cmath>
+
+#include "new_array.hpp"
+
+namespace bellcrank {
+namespace BELLCRANK_ISA {
+
+class FrictionModes {
+ public:
+  explicit FrictionModes(int most)
+      : force(most), acceleration(most), matrix(static_cast<std::size_t>(most) * most), right(most), limit(most),
+        side_(most), inside_(most), free_(most), factor_(static_cast<std::size_t>(most) * most), x_(most) {}
+
+  Buffer force, acceleration;  // the solution (n)
+  Buffer matrix, right, limit;  // A (n, n), b and c (n)
+
+  // Solves for `force` and `acceleration`.
+  void solve(int n) {
+    for (int i = 0; i < n; ++i) side_[i] = 0;
+    for (int pivots = 0; pivots < 50 * (n + 1); ++pivots) {
+      equilibrium(n);
+      const int wrong = first_wrong(n);
+      if (wrong < 0) return to_limits(n);
+      side_[wrong] = side_[wrong] ? 0 : force[wrong] > 0 ? 1 : -1;
+    }
+    relax(n);
+  }
+
+  // Whether joint i accelerates, by more than rounding explains.
+  bool moves(int i, int n) const { return std::fabs(acceleration[i]) > rounding(i, n); }
+  bool at_limit(int i) const { return std::fabs(force[i]) >= limit[i] * (1 - 1e-9); }
+  // Whether the force of joint i, below its limit, keeps it at rest; otherwise others do.
+  bool holds(int i) const { return free_[i] > 0; }
+  // Whether joint i could move while the joints that hold do not.
+  bool can_move(int i, int n) {
+    double* row = x_;
+    double value = a(i, i, n);
+    for (int k = 0; k < kept_; ++k) {
+      double sum = a(i, inside_[k], n);
+      for (int m = 0; m < k; ++m) sum -= factor_[k * n + m] * row[m];
+      row[k] = sum / factor_[k * n + k];
+      value -= row[k] * row[k];
+    }
+    return value > dependent * a(i, i, n);
+  }
+
+ private:
+  static constexpr double small = 1e-10, dependent = 1e-9;  // of a joint's own response
+  Array<int> side_, inside_, free_;  // 1 and -1: at a bound of the force; which hold, as a list and as marks
+  int kept_ = 0;
+  Buffer factor_, x_;
+
+  double a(int i, int j, int n) const { return matrix[i * n + j]; }
+
+  double rounding(int i, int n) const {
+    double size = std::fabs(right[i]);
+    for (int j = 0; j < n; ++j) size += std::fabs(a(i, j, n) * force[j]);
+    return small * size;
+  }
+
+  // Forces inside their bounds that give no acceleration, the others being at theirs.
+  void equilibrium(int n) {
+    for (int i = 0; i < n; ++i) force[i] = side_[i] * limit[i], free_[i] = 0;
+    kept_ = 0;
+    for (int i = 0; i < n; ++i) {  // Cholesky, without the joints that those before them hold
+      if (side_[i]) continue;
+      const int k = kept_;
+      double sum = -right[i], pivot = a(i, i, n);
+      for (int j = 0; j < n; ++j)
+        if (side_[j]) sum -= a(i, j, n) * force[j];
+      for (int l = 0; l < k; ++l) {
+        double value = a(i, inside_[l], n);
+        for (int m = 0; m < l; ++m) value -= factor_[k * n + m] * factor_[l * n + m];
+        value = factor_[k * n + l] = value / factor_[l * n + l];
+        pivot -= value * value;
+        sum -= value * x_[l];
+      }
+      if (!(pivot > dependent * a(i, i, n))) continue;
+      factor_[k * n + k] = std::sqrt(pivot);
+      x_[k] = sum / factor_[k * n + k];
+      inside_[kept_++] = i, free_[i] = 1;
+    }
+    const int count = kept_;
+    for (int k = count - 1; k >= 0; --k) {
+      double sum = x_[k];
+      for (int m = k + 1; m < count; ++m) sum -= factor_[m * n + k] * x_[m];
+      x_[k] = sum / factor_[k * n + k];
+      force[inside_[k]] = x_[k];
+    }
+    accelerate(n);
+  }
+
+  // Forces that rounding left below their limits are at them.
+  void to_limits(int n) {
+    bool changed = false;
+    for (int i = 0; i < n; ++i)
+      if (!side_[i] && at_limit(i)) side_[i] = force[i] > 0 ? 1 : -1, changed = true;
+    if (changed) equilibrium(n);
+  }
+
+  void accelerate(int n) {
+    for (int i = 0; i < n; ++i) {
+      double sum = right[i];
+      for (int j = 0; j < n; ++j) sum += a(i, j, n) * force[j];
+      acceleration[i] = sum;
+    }
+  }
+
+  int first_wrong(int n) const {
+    for (int i = 0; i < n; ++i)
+      if (side_[i] ? side_[i] * acceleration[i] > rounding(i, n) : std::fabs(force[i]) > limit[i] * (1 + small)) return i;
+    return -1;
+  }
+
+  void relax(int n) {
+    for (int sweep = 0; sweep < 1000; ++sweep)
+      for (int i = 0; i < n; ++i) {
+        double sum = right[i];
+        for (int j = 0; j < n; ++j) sum += a(i, j, n) * force[j];
+        const double next = force[i] - sum / (a(i, i, n) + 1e-300);
+        force[i] = next > limit[i] ? limit[i] : next < -limit[i] ? -limit[i] : next;
+      }
+    accelerate(n);
+  }
+};
+
+}  // namespace BELLCRANK_ISA
+}  // namespace bellcrank
