@@ -17,7 +17,18 @@ from bellcrank.messages import format_value
 
 SAMPLES = Path(__file__).parent / "samples"
 # Mappings whose keys are names that the user chooses, or names of joints; an entry is recorded as its own section.
-NAMES = {"actuators", "frames", "friction", "motions", "mounts", "outputs", "parameters", "initial", "initial.velocity"}
+NAMES = {
+    "actuators",
+    "frames",
+    "friction",
+    "joints",
+    "motions",
+    "mounts",
+    "outputs",
+    "parameters",
+    "initial",
+    "initial.velocity",
+}
 BY_JOINT = re.compile(r"\.(target|kp|kd|start|position|positions|linear_velocity|angular_velocity)$")
 READERS = (
     "number", "optional_number", "integer", "vector", "rows", "numbers", "text", "unit", "file", "flag", "choice",
@@ -111,6 +122,8 @@ def _section(fields: Fields) -> str | None:
         return None if rest else f"{top[:-2]}: {fields._data.get('kind', '?')}"
     if top in ("frames", "actuators", "mounts", "parameters", "outputs", "friction") and rest:
         return None if "." in rest else f"{top}.NAME"
+    if top == "joints" and rest:
+        return ".".join([top, "NAME", *rest.split(".")[1:]])
     if top == "conditions" and rest:
         return None
     if top == "base" or (top == "initial" and rest not in ("", "velocity")):

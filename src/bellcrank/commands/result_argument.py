@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
 
-_SCENE_KEYS = ("constraints", "forces", "control", "initial", "base")  # keys of a file that is a scene to simulate
+_SCENE_KEYS = (  # keys of a file that is a scene to simulate
+    "constraints", "forces", "joints", "control", "initial", "base",
+)  # fmt: skip
 
 
 def add_result_argument(parser: argparse.ArgumentParser) -> None:

@@ -225,7 +225,7 @@ def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     if not s.held_sides:
         raise InputError(
             f"{scene.source}: joints.{scene.dry_friction[0].joint.name}.dry_friction: a joint that sticks has no "
-            "equations of motion without the modes that a run holds; remove dry_friction, or give friction: (smoothed)"
+            "equations of motion without what a run holds; give it a smoothed friction (forces, kind: friction)"
         )
     return StuckJoints.of(scene.dry_friction, s)
 

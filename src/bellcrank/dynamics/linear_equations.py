@@ -196,6 +196,11 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
             f"{scene.source}: control '{sampled[0]}' is sampled, so the equations have no linear form in continuous "
             "time; remove it, and close the loop with the discrete model (scipy.signal.cont2discrete)"
         )
+    if scene.dry_friction:
+        raise InputError(
+            f"{scene.source}: joints.{scene.dry_friction[0].joint.name}.dry_friction: a joint that sticks has no "
+            "linear equations; give it a smoothed friction (forces, kind: friction), or none"
+        )
     system, u = system_of(scene), scene.signals_at(np.array([time]))[0]
     state = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])
     values = system.switches(np.array([time]), state, u, system_parameters(scene))

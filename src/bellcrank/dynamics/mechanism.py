@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
+from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce
@@ -141,6 +142,9 @@ def parameter_values(mechanism: Mechanism) -> tuple[tuple[str, float, str], ...]
     return () if scene is None else tuple((name, p.value, p.unit) for name, p in scene.parameters.items())
 
 
+DRY_WIDTH = 1e-6  # rad/s or m/s: speeds beside a reversal, where dry friction is at its largest
+
+
 @dataclass(frozen=True)
 class JointFriction:
     """Friction viscous v + coulomb v / √(v² + width²) of the velocity coordinate `column`."""
@@ -167,6 +171,11 @@ def joint_frictions(mechanism: Mechanism) -> list[JointFriction]:
                 set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in Friction.NUMBERS
             )
             found.append(JointFriction(force.joint.v, float(viscous), float(coulomb), float(width)))
+        if isinstance(force, DryFriction):
+            viscous, static = (
+                set_by.get(f"force.{force.name}.{key}", force.number(key)) for key in ("viscous", force.at_rest)
+            )
+            found.append(JointFriction(force.joint.v, float(viscous), float(static), DRY_WIDTH))
     return found
 
 

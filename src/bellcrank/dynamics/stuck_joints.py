@@ -55,9 +55,12 @@ class StuckJoints:
         import casadi
 
         modes = [casadi.vertsplit(s.signal(part.mode)) for part in parts]
+        direction, moves, holds = (casadi.vertcat(*column) for column in zip(*modes, strict=True))
         return cls(
             tuple(part.joint.v for part in parts),
-            *(casadi.vertcat(*column) for column in zip(*modes, strict=True)),
+            direction,
+            moves,
+            holds,
             casadi.vertcat(*[s.joint(part.joint).velocity for part in parts]),
             casadi.vertcat(*[part.limit(s) for part in parts]),
             casadi.vertcat(*[part.sliding(s, mode[0]) for part, mode in zip(parts, modes, strict=True)]),

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
+from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
@@ -107,7 +108,7 @@ class TreeInverseDynamics:
             for part in scene.forces:
                 force = part.generalised_force(s).force
                 total += force
-                if isinstance(part, Friction):
+                if isinstance(part, Friction | DryFriction):
                     friction += force
             return casadi.Function("forces", [s.t, s.q, s.v, s.u, s.p], [total, friction])
 

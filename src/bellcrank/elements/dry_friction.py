@@ -24,6 +24,7 @@ from bellcrank.elements.element import (  # fmt: skip
     POSITIVE,
     Force,
     GeneralisedForce,
+    Settable,
     joint_named,
     joint_unit,
     number,
@@ -46,17 +47,30 @@ class DryFriction(JointForce):
     """Dry friction of a joint, N m or N; `speed` (rad/s or m/s) is that over which it falls from static to Coulomb."""
 
     coulomb: float
-    static: float
+    static: float  # that of `coulomb` where the file gives none
     speed: float
     viscous: float
     law: str
     kind: ClassVar[str] = KEY
     NUMBERS: ClassVar[Numbers] = {
         "coulomb": ("torque", None, NONNEGATIVE),
-        "static": ("torque", None, POSITIVE),
+        "static": ("torque", None, NONNEGATIVE),
         "speed": ("velocity", 1.0, POSITIVE),
         "viscous": ("damping", 0.0, NONNEGATIVE),
     }
+
+    @property
+    def at_rest(self) -> str:
+        """The name of the number that is the largest force at rest."""
+        return "static" if "static" in self.place else "coulomb"
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """The numbers of the file, of which the force at rest is more than 0."""
+        joint = self.joint
+        found = {key: Settable(joint_unit(joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
+        found[self.at_rest] = Settable(joint_unit(joint, "torque"), POSITIVE)
+        return {key: found[key] for key in found if key in self.place or key == "viscous"}
 
     @property
     def mode(self) -> HeldSource:
@@ -72,18 +86,20 @@ class DryFriction(JointForce):
         """The largest force at rest, N m or N."""
         import casadi
 
-        return casadi.SX(self.value(symbols, "static"))
+        return casadi.SX(self.value(symbols, self.at_rest))
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
         """The force (N m or N) at the joint's velocity while it moves in a direction, 1 or −1; 0 for 0."""
         import casadi
 
         velocity = symbols.joint(self.joint).velocity
-        coulomb, static, speed = (self.value(symbols, name) for name in ("coulomb", "static", "speed"))
+        coulomb = self.value(symbols, "coulomb")
+        if self.at_rest == "coulomb":
+            return -direction * coulomb
+        static, speed = (self.value(symbols, name) for name in ("static", "speed"))
         share = direction * velocity / speed
         falling = casadi.exp(-share) if self.law == "exponential" else 1.0 / (1.0 + share)
-        constant = isinstance(coulomb, float) and isinstance(static, float) and coulomb == static
-        return -direction * (casadi.SX(coulomb) if constant else coulomb + (static - coulomb) * falling)
+        return -direction * (coulomb + (static - coulomb) * falling)
 
     def direction(self, symbols: Symbols) -> casadi.SX:
         """The direction of motion, as held by a run; elsewhere the sign of the velocity."""
@@ -132,12 +148,15 @@ def _friction(read: Fields, joint: RobotJoint) -> DryFriction:
     coulomb = number(read, "coulomb", joint_unit(joint, "torque"), bound=NONNEGATIVE)
     static = number(read, "static", joint_unit(joint, "torque"), coulomb, NONNEGATIVE)
     law = read.choice("law", LAWS, "exponential")
+    for key in ("speed", "law"):
+        if key in read and "static" not in read:
+            raise read.error(key, f"'{key}' says how friction falls from 'static', which is not given")
     if static < coulomb:
         raise read.error("static", f"expected at least 'coulomb', {coulomb:g}, found {static:g}")
     if static == 0.0:
         raise read.error("coulomb", "expected more than 0, found 0; without dry friction remove 'dry_friction'")
-    if static > coulomb and "speed" not in read:
-        raise read.error("static", "static friction above 'coulomb' requires 'speed', over which it falls")
+    if "static" in read and "speed" not in read:
+        raise read.error("static", "'static' requires 'speed', over which friction falls from it to 'coulomb'")
     speed = number(read, "speed", joint_unit(joint, "velocity"), 1.0, POSITIVE)
     viscous = number(read, "viscous", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
     read.done()

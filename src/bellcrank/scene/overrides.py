@@ -36,6 +36,7 @@ _TABLES = (
     "friction",
     "parameters",
     "outputs",
+    "joints",
 )  # keys whose values are mappings by name
 
 

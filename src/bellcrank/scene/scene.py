@@ -2,8 +2,8 @@
 
 One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
 (robot_config.py), all of them optional: constraints, forces, joints and control (bellcrank.elements: constraints.py,
-forces.py, dry_friction.py, controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events (events.py), outputs
-(outputs.py), simulate (settings.py) and study (study.py).
+forces.py, dry_friction.py, controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events
+(events.py), outputs (outputs.py), simulate (settings.py) and study (study.py).
 """
 
 from __future__ import annotations

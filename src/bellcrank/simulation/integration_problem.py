@@ -126,8 +126,8 @@ class HeldEntries:
             modes last; 0 where there are none.
         mode_rows: The entries of x that are the velocities of the joints with modes.
         mode_turn: Address of (t, x, u, p) -> what new modes are found by (`StuckJoints.turn`); 0 without modes.
-        updates: (address of (t, x, u, p) -> all entries after sides and modes, first time s, period s) of each update; with
-            the address 0 a function that `PreparedProblem.run` is given computes them.
+        updates: (address of (t, x, u, p) -> all entries after sides and modes, first time s, period s) of each update;
+            with the address 0 a function that `PreparedProblem.run` is given computes them.
     """
 
     start: Array

@@ -14,6 +14,7 @@ from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.error_estimate import unasked_accuracy
 from bellcrank.simulation.reached import left_ranges
+from bellcrank.simulation.stuck_intervals import rest_rows
 
 if TYPE_CHECKING:
     from bellcrank.simulation.events import Event
@@ -88,6 +89,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
         *residuals,
     ]
+    rows += rest_rows(run)
     rows.append(("error estimate", _error(run)))
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):

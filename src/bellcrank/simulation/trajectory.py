@@ -212,6 +212,30 @@ class Trajectory(StateHistory):
         """
         return _finite_or_infinite(self._largest(lambda run: [np.abs(run._constraint[2]).max(initial=0.0)]))
 
+    def stuck(self, joint: str) -> Array:
+        """Return when dry friction kept a joint at rest.
+
+        Args:
+            joint: The name of a joint with `dry_friction` in the scene.
+
+        Returns:
+            Beginnings and ends (n, 2) of these intervals, s.
+
+        Raises:
+            InputError: There is no such joint with dry friction.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> friction = {"joints": {"swing": {"dry_friction": {"coulomb": 2.0}}}, "simulate.duration": 1.0}
+            >>> run = bc.simulate("pendulum", overrides={**friction, "initial.swing": 0.1})
+            >>> run.stuck("swing").tolist()
+            [[0.0, 1.0]]
+        """
+        from bellcrank.simulation.stuck_intervals import stuck_intervals
+
+        arguments.text("joint", joint, "the name of a joint with dry friction")
+        return stuck_intervals(self, joint)
+
     def constraint_rank(self, row: int = -1) -> ConstraintRank:
         """Compute the rank of the constraints in one row.
 
@@ -336,8 +360,9 @@ class Trajectory(StateHistory):
         """
         from bellcrank.simulation.reached import reached_notes
         from bellcrank.simulation.scene_notes import scene_notes
+        from bellcrank.simulation.stuck_intervals import shared_rest
 
-        return ranked((*reached_notes(self), *scene_notes(self.scene, self.settings.duration)))
+        return ranked((*reached_notes(self), *shared_rest(self), *scene_notes(self.scene, self.settings.duration)))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from bellcrank.dynamics.dependent_designs import DependentDesigns
 from bellcrank.dynamics.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.dynamics.motor_torques import MotorTorques
+from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
@@ -172,7 +173,8 @@ class SharedSizing(Portable):
     @property
     def reports_holding(self) -> bool:
         """Whether holding torques are measures: of an open chain under gravity alone."""
-        acting = [force for force in self.mechanism.equations.forces if not isinstance(force, Damper | Friction)]
+        resisting = Damper | Friction | DryFriction
+        acting = [force for force in self.mechanism.equations.forces if not isinstance(force, resisting)]
         return not self.mechanism.closed and not acting and HoldingSearch.covers(self.mechanism.robot)
 
     # ---- what a batch does not cover

@@ -11,7 +11,7 @@
 
 #include <cmath>
 
-#include "new_array.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {

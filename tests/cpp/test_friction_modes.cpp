@@ -1,0 +1,147 @@
+// New modes of joints with dry friction: against the enumeration of all modes, and where forces are not unique; and a run
+// that sticks and slides as the closed form says.
+#include <random>
+
+#include "explicit_runge_kutta.hpp"
+#include "friction_modes.hpp"
+#include "integration_loop.hpp"
+#include "known_problem.hpp"
+#include "radau_iia.hpp"
+
+using namespace bellcrank;
+using namespace bellcrank::BELLCRANK_ISA;
+
+namespace {
+
+// Accelerations b + A τ of forces that obey the law, to a tolerance.
+void check_law(const FrictionModes& m, int n) {
+  for (int i = 0; i < n; ++i) {
+    double a = m.right[i], size = std::fabs(a);
+    for (int j = 0; j < n; ++j) a += m.matrix[i * n + j] * m.force[j], size += std::fabs(m.matrix[i * n + j] * m.force[j]);
+    CHECK(std::fabs(a - m.acceleration[i]) <= 1e-13 * size);
+    CHECK(std::fabs(m.force[i]) <= m.limit[i] * (1 + 1e-9));
+    if (!m.at_limit(i)) CHECK(std::fabs(a) <= 1e-8 * size);
+    else CHECK(a * m.force[i] <= 1e-8 * size * m.limit[i]);
+  }
+}
+
+struct Random {
+  std::mt19937 engine{7};
+  double operator()(double least, double most) { return std::uniform_real_distribution<double>(least, most)(engine); }
+};
+
+void set(FrictionModes& m, int n, int rank, Random& random) {
+  Numbers factor(n * rank);
+  for (double& x : factor) x = random(-1, 1);
+  for (int i = 0; i < n; ++i) {
+    m.limit[i] = std::pow(10.0, random(-2, 1)), m.right[i] = 0;
+    for (int j = 0; j < n; ++j) {
+      m.matrix[i * n + j] = 0;
+      for (int k = 0; k < rank; ++k) m.matrix[i * n + j] += factor[i * rank + k] * factor[j * rank + k];
+    }
+  }
+  for (int k = 0; k < rank; ++k) {  // b in the range of A, as in a linkage
+    const double load = random(-3, 3);
+    for (int i = 0; i < n; ++i) m.right[i] += factor[i * rank + k] * load;
+  }
+}
+
+// x'' = -x + τ of a block on a rail, whose modes are the first three held entries.
+constexpr double mu = 0.15;
+double friction(const double* const* in) { return in[2][2] ? in[1][0] : -mu * in[2][0]; }
+std::int32_t block(const double* const* in, double* const* out) {
+  return out[0][0] = in[1][1], out[0][1] = in[2][1] * (-in[1][0] + friction(in)), 0;
+}
+std::int32_t block_slope(const double* const* in, double* const* out) {
+  return out[0][0] = 0, out[0][1] = -in[2][1], out[0][2] = 1, out[0][3] = 0, 0;
+}
+std::int32_t block_switch(const double* const* in, double* const* out) {
+  const double share = in[2][2] * in[1][0] / mu;
+  return out[0][0] = in[2][1] ? in[2][0] * in[1][1] : 1 - share * share, 0;
+}
+std::int32_t block_turn(const double* const* in, double* const* out) {
+  const double sliding = in[2][2] ? 0 : -mu * in[2][0];
+  return out[0][0] = in[1][1], out[0][1] = -in[1][0] + sliding, out[0][2] = 1, out[0][3] = mu, out[0][4] = sliding, 0;
+}
+
+struct Holds final : Record {
+  std::vector<std::pair<double, Numbers>> holds;
+  Numbers end_state, ends = Numbers(100000);
+  int n, count;
+
+  explicit Holds(const Problem& p) : n(p.n), count(p.held.count) { more_steps(); }
+  void more_steps() override { next_step = ends.data(), steps_end = next_step + ends.size(); }
+  void output(double, const double*) override {}
+  void event(int, double, const double*) override {}
+  void unresolved(int, double) override {}
+  void undefined(int, double) override {}
+  void end(double, const double* x) override { end_state.assign(x, x + n); }
+  void hold(double t, const double* values) override { holds.push_back({t, Numbers(values, values + count)}); }
+  bool update(int, double, const double*, double*) override { return false; }
+  bool look(double, const double*, const Counts&, std::int64_t* attempts) override { return *attempts = 1000, false; }
+};
+
+template <class Stepper>
+void check_block(double accuracy) {
+  const Numbers first{1, 0}, start{0, 0, 1};
+  const int rows[] = {1};
+  Problem p = plain_problem(block, first, 0, 20);
+  KnownDerivatives derivatives(block_slope);
+  p.derivatives = &derivatives;
+  p.held.count = p.signal_entries = 3, p.held.start = start.data();
+  p.held.mode_count = 1, p.held.mode_rows = rows, p.held.turn = block_turn, p.held.switches = block_switch;
+  Holds found(p);
+  Counts counts;
+  CHECK(IntegrationLoop<Stepper>(p, found, counts)() == Status::finished);
+  REQUIRE(found.holds.size() == 4);  // three half swings, and rest
+  const double pi = 3.141592653589793;
+  for (int k = 0; k < 4; ++k) {
+    CHECK(std::fabs(found.holds[k].first - k * pi) < accuracy);
+    CHECK(found.holds[k].second == (k == 3 ? Numbers{0, 0, 1} : Numbers{k % 2 ? 1.0 : -1.0, 1, 0}));
+  }
+  CHECK(std::fabs(found.end_state[0] + 0.1) < accuracy);
+  CHECK(found.end_state[1] == 0.0);
+}
+
+}  // namespace
+
+TEST_CASE("forces of dry friction obey its law for joints that move freely of each other") {
+  Random random;
+  for (int k = 0; k < 2000; ++k) {
+    const int n = 1 + k % 8;
+    FrictionModes m(n);
+    set(m, n, n + 2, random);
+    m.solve(n);
+    check_law(m, n);
+  }
+}
+
+TEST_CASE("forces of joints that hold each other obey the law, and only as many bear the load as are needed") {
+  Random random;
+  for (int k = 0; k < 2000; ++k) {
+    const int n = 2 + k % 6, rank = 1 + k % 2;
+    FrictionModes m(n);
+    set(m, n, rank, random);
+    m.solve(n);
+    check_law(m, n);
+    int holding = 0;
+    for (int i = 0; i < n; ++i) holding += m.holds(i);
+    CHECK(holding <= rank);
+    for (int i = 0; i < n; ++i)
+      if (holding == rank && !m.holds(i)) CHECK_FALSE(m.can_move(i, n));
+  }
+}
+
+TEST_CASE("a load at the limit of a joint alone can move it") {
+  FrictionModes m(1);
+  m.matrix[0] = 2, m.right[0] = -2 * 5.0, m.limit[0] = 5.0;
+  m.solve(1);
+  CHECK(m.at_limit(0));
+  CHECK(m.can_move(0, 1));
+  CHECK_FALSE(m.moves(0, 1));
+}
+
+TEST_CASE("a Coulomb oscillator sticks as its closed form says") {
+  check_block<ExplicitRungeKutta<Dop853, 1>>(1e-6);
+  check_block<ExplicitRungeKutta<DormandPrince, 1>>(1e-5);
+}
