@@ -56,7 +56,7 @@ class FrictionModes {
   }
 
  private:
-  static constexpr double small = 1e-10, dependent = 1e-9;  // of a joint's own response
+  static constexpr double small = 1e-10, dependent = 1e-12;  // of a joint's own response
   Array<int> side_, inside_, free_;  // 1 and -1: at a bound of the force; which hold, as a list and as marks
   int kept_ = 0;
   Buffer factor_, x_;

@@ -5,6 +5,8 @@
 // on the other side.
 #pragma once
 
+#include <utility>
+
 #include "event_detection.hpp"
 #include "friction_modes.hpp"
 
