@@ -74,9 +74,12 @@ def load_matplotlib() -> None:
 
 
 def save_figure(figure: Figure, file: Path | IO[bytes], kind: str, **options: Any) -> None:
-    """Write a figure as `kind`, such as "png"; characters missing in the font are drawn as boxes, without warnings."""
+    """Write a figure as `kind`, such as "png". Without warnings: characters missing in the font are drawn as boxes, and
+    an axis of values near 1e308 has fewer ticks.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")
+        warnings.filterwarnings("ignore", category=RuntimeWarning, module="matplotlib")
         if kind == "png" and set(options) == {"dpi"}:
             _save_png(figure, file, options["dpi"])
         else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -43,6 +43,7 @@ from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
 from bellcrank.simulation.run_csv import titled
+from bellcrank.simulation.stuck_intervals import stuck_intervals
 from bellcrank.simulation.summary import event_consequence, run_facts
 from bellcrank.version import version
 
@@ -55,6 +56,7 @@ MOST_TURN = 1.0  # rad between rows: below it quintics are accurate to 2e-5 of a
 FIRST_FACTS = ("ended", "not known", "warning", "note")
 MOST_EVENTS = 200
 MOST_VALUES = 6  # joints, or multipliers, in the text of an event
+MOST_DEGREES = 1e6  # rad: larger angles are told in rad
 
 
 def film_of_run(
@@ -203,9 +205,20 @@ def _contact_point_function(run: Trajectory, trajectory: SampledTrajectory, disk
 def _timeline_events(run: Trajectory, events: Sequence[Event], end: float) -> tuple[TimelineEvent, ...]:
     found = [TimelineEvent(event.time, _event_text(run, event)) for event in events[:MOST_EVENTS]]
     found += [TimelineEvent(note.time, note) for note in reached(run.notes) if note.time is not None]
+    found += _sticking(run, end)
     if not run.success:
         found.append(TimelineEvent(end, f"{run.status}: {run.reason}"))
     return tuple(sorted(found, key=lambda event: event.time))
+
+
+def _sticking(run: Trajectory, end: float) -> Iterator[TimelineEvent]:
+    """When joints with dry friction stick, and begin to slide again."""
+    for part in run.scene.dry_friction:
+        name = part.joint.name
+        for begun, over in stuck_intervals(run, name)[:MOST_EVENTS].tolist():
+            yield TimelineEvent(begun, f"{name} sticks")
+            if over < end:
+                yield TimelineEvent(over, f"{name} slides")
 
 
 def _event_text(run: Trajectory, event: Event) -> str:
@@ -221,6 +234,8 @@ def _values(labels: Sequence[tuple[str, str]], values: Array) -> str:
     if not 0 < len(labels) <= MOST_VALUES or len(labels) != len(values):
         return ""
     return ", ".join(
-        f"{name.removesuffix(' position')} {np.degrees(value):.2f}°" if unit == "rad" else f"{name} {value:.6g} {unit}"
+        f"{name.removesuffix(' position')} {np.degrees(value):.2f}°"
+        if unit == "rad" and abs(value) < MOST_DEGREES
+        else f"{name} {value:.6g} {unit}"
         for (name, unit), value in zip(labels, values.tolist(), strict=True)
     )
