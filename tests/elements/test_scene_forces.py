@@ -490,3 +490,11 @@ def test_any_text_is_a_formula_or_an_input_error(flying_free_scene, text):
         parse_expression(text, flying_free_scene[0].robot, {"a": 1})
     except InputError as error:
         assert "\n" not in str(error)
+
+
+def test_a_cubic_table_of_very_uneven_times_is_refused(tmp_path):
+    (tmp_path / "torque.csv").write_text("time [s],swing torque [N m]\n0,1\n0.05,2\n1e17,-1\n")
+    force = "{kind: torque, joint: swing, file: torque.csv, interpolation: cubic}"
+    (tmp_path / "scene.yaml").write_text(f"urdf: pendulum\nforces: [{force}]\n")
+    with pytest.raises(InputError, match=r"differ by a factor of at most 1e\+12, .* from 0.05 s to 1e\+17 s"):
+        load_scene(tmp_path / "scene.yaml")

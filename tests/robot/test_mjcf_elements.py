@@ -353,3 +353,16 @@ def test_shapes_of_the_visible_groups_are_drawn(read, tmp_path):
         in file.urdf
     )
     assert "sphere" not in file.urdf
+
+
+def test_a_springdamper_of_no_time_is_refused(read):
+    with pytest.raises(bc.InputError, match=r"springdamper 0.2 2.8e-291 gives a stiffness above 1e\+100"):
+        read(joint('type="hinge" springdamper="0.2 2.8e-291" armature="0.03"'))
+
+
+def test_copies_with_too_many_joints_are_refused_before_they_are_made(tmp_path):
+    path = tmp_path / "many.xml"
+    body = '<replicate count="17548" offset="1 0 0"><body><joint/><geom size="0.1"/></body></replicate>'
+    path.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(bc.InputError, match="line 1: <body>: there are more than 2000 joints"):
+        bc.load_robot(path)

@@ -16,6 +16,7 @@ from bellcrank.robot.mjcf_inertia import NOTHING, BodyInertia, InertiaReader
 from bellcrank.robot.mjcf_joints import MjcfJoint, check_joints, joint_of
 from bellcrank.robot.mjcf_placement import Array
 from bellcrank.robot.mjcf_shapes import SIZES, Shape, geometry_of, shape_of
+from bellcrank.robot.urdf_file import MOST_MOVING
 
 MOST_BODIES = 20_000  # of a file, after <replicate>
 WORLD = "world"
@@ -76,7 +77,7 @@ class BodyReader:
     def __init__(self, compiler: Compiler, defaults: Defaults, inertias: InertiaReader) -> None:
         self._compiler, self._defaults, self._inertias = compiler, defaults, inertias
         self._bodies: list[Body] = []
-        self._copies = 0
+        self._copies = self._joints = 0
 
     def read(self, root: MjcfElement) -> list[Body]:
         """All bodies, parents before children, in MuJoCo's order; the first one is the world. Raises InputError."""
@@ -97,6 +98,9 @@ class BodyReader:
         self._read_contents(element, inner, found)
         world = number == 0
         check_joints(element, found.joints, top=parent == 0 and not world, world=world)
+        self._joints += len(found.joints)
+        if self._joints > MOST_MOVING:
+            raise element.fail(f"there are more than {MOST_MOVING} joints; this is too large a model")
         moves = bool(found.joints) or (not world and self._bodies[parent].moves)
         inertia = NOTHING if world else self._inertias.of(found.inertials, found.shapes, moves)
         body = Body(

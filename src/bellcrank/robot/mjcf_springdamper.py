@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bellcrank.numerics import LARGEST
 from bellcrank.robot.load_options import LoadOptions
 from bellcrank.robot.mjcf_joints import MjcfJoint
 from bellcrank.robot.mjcf_start import Start
@@ -38,6 +39,8 @@ def with_spring_dampers(
         if has_spring_damper(joint):
             time, ratio = joint.element.numbers("springdamper", 2, 2) or (1.0, 1.0)
             felt = inertia[joint.name]
+            if not (felt / LARGEST < (time * ratio) ** 2 and felt / LARGEST < time):
+                raise joint.element.fail(f"springdamper {time:g} {ratio:g} gives a stiffness above {LARGEST:g}")
             joint = replace(joint, stiffness=(felt / (time * ratio) ** 2,), damping=(2.0 * felt / time,))
         result.append(joint)
     return result
