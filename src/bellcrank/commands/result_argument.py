@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bellcrank.sizing.result import Sizing
 
 _SCENE_KEYS = (  # keys of a file that is a scene to simulate
-    "constraints", "forces", "joints", "control", "initial", "base",
+    "constraints", "forces", "joints", "joint_stops", "control", "initial", "base",
 )  # fmt: skip
 
 

@@ -58,6 +58,7 @@ class Assembly:
         symbols: The symbols that elements write their expressions in.
         solution: The solved constraints; None for a scene without constraints.
         mode_switches: Functions that are positive while the modes of joints with dry friction last.
+        impacts: Whether impacts at stops change the energy.
         mode_turn: What a run needs to find their new modes (`StuckJoints.turn`).
     """
 
@@ -84,11 +85,12 @@ class Assembly:
     solution: ConstrainedSolution | None = None  # of a scene with constraints
     mode_switches: casadi.SX
     mode_turn: casadi.SX
+    impacts: bool
 
     @property
     def has_work(self) -> bool:
         """Whether some power comes from no potential, so that the state includes the work."""
-        return not self.power.is_zero()
+        return self.impacts or not self.power.is_zero()
 
     @property
     def state(self) -> casadi.SX:
@@ -140,6 +142,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
     gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
+    held_parts = (*scene.dry_friction, *scene.stops_of_joints)
     held = _Held(casadi.SX(0, 1), casadi.SX(0, 1), casadi.SX(0, 1))
     if scene.constraints:
         rows, sizes = _symbolic_rows(scene)
@@ -148,7 +151,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         solution = solve_constrained(mass_matrix(s), constraints, torque - bias, gains, share)
         p = casadi.vertcat(p, sizes, share)
         acceleration = solution.proximal.acceleration
-        if scene.dry_friction:
+        if held_parts:
             solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s))
             acceleration = solution.proximal.acceleration
         reaction = constraints.jacobian.T @ solution.proximal.multipliers
@@ -156,13 +159,13 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         power = power + constraints.power(solution.proximal.multipliers)
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
-        if scene.dry_friction:
+        if held_parts:
             joints = _stuck_joints(scene, s)
             response, inertia = s.response(joints.rows), casadi.diag(mass_matrix(s))[list(joints.rows)]
             forces = joints.forces(acceleration, response, inertia, regular=True)
             held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response))
             acceleration = joints.at_rest(acceleration + response @ forces)
-    for k, part in enumerate(scene.dry_friction):
+    for k, part in enumerate(held_parts):
         s.holding[part.name] = held.forces[k]
         passive += s.joint_force(part.joint.v, held.forces[k])
     torque = actuator + passive
@@ -209,6 +212,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         solution=solution,
         mode_switches=held.switches,
         mode_turn=held.turn,
+        impacts=bool(scene.stops_of_joints),
     )
 
 
@@ -221,13 +225,14 @@ class _Held(NamedTuple):
 
 
 def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
-    """The joints of a scene with dry friction, in a run. Raises InputError outside of one."""
+    """The dry friction and stops of a scene's joints, in a run. Raises InputError outside of one."""
+    parts = (*scene.dry_friction, *scene.stops_of_joints)
     if not s.held_sides:
         raise InputError(
-            f"{scene.source}: joints.{scene.dry_friction[0].joint.name}.dry_friction: a joint that sticks has no "
+            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks has no "
             "equations of motion without what a run holds; give it a smoothed friction (forces, kind: friction)"
         )
-    return StuckJoints.of(scene.dry_friction, s)
+    return StuckJoints.of(parts, s)
 
 
 def _with_stuck_joints(solution: ConstrainedSolution, joints: StuckJoints) -> tuple[ConstrainedSolution, _Held]:

@@ -196,10 +196,11 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
             f"{scene.source}: control '{sampled[0]}' is sampled, so the equations have no linear form in continuous "
             "time; remove it, and close the loop with the discrete model (scipy.signal.cont2discrete)"
         )
-    if scene.dry_friction:
+    if parts := (*scene.dry_friction, *scene.stops_of_joints):
+        remedy = "give it a smoothed friction (forces, kind: friction), or none" if scene.dry_friction else "remove it"
         raise InputError(
-            f"{scene.source}: joints.{scene.dry_friction[0].joint.name}.dry_friction: a joint that sticks has no "
-            "linear equations; give it a smoothed friction (forces, kind: friction), or none"
+            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a stop has no "
+            f"linear equations; {remedy}"
         )
     system, u = system_of(scene), scene.signals_at(np.array([time]))[0]
     state = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])

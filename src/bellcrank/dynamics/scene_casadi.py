@@ -54,7 +54,7 @@ def scene_casadi(scene: Scene) -> casadi.Function:
     from bellcrank.scene.scene import Scene
 
     arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
-    switches = bool(scene.dry_friction) or any(part.switches for part in scene.elements)
+    switches = bool(scene.dry_friction or scene.stops_of_joints) or any(part.switches for part in scene.elements)
     assembly = assemble(scene, held_sides=False) if switches else system_of(scene).assembly
     multipliers = casadi.SX(0, 1) if assembly.solution is None else assembly.solution.proximal.multipliers
     outputs = [assembly.rate, assembly.acceleration, multipliers]

@@ -1,6 +1,6 @@
-"""The forces of joints that dry friction keeps at rest, and the equations by which a run finds which joints those are.
+"""The forces of joints that dry friction or a stop keeps at rest, and the equations by which a run finds which those are.
 
-Forces x at the joints with dry friction change the accelerations to v̇ + C x, C being the response to unit forces,
+Forces x at the joints with dry friction or stops change the accelerations to v̇ + C x, C being the response to unit forces,
 constraints included. With S = diag(1 for joints that hold, else 0) and A the rows of C at these joints, they stay at
 rest with
 
@@ -13,32 +13,39 @@ those that hold depend on each other, a small multiple of 1 is added and its eff
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.joint_stops import JointStop
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.dry_friction import DryFriction
     from bellcrank.elements.symbols import Symbols
 
+FAR = 1e300  # rad or m: an end that is not there
 REGULARISATION = 1e-9  # of a joint's own inertia
 REFINEMENTS = 3
 
 
 @dataclass(frozen=True)
 class StuckJoints:
-    """The joints of a scene with dry friction (n) as expressions.
+    """The dry friction and the stops of a scene's joints (n) as expressions.
 
     Attributes:
-        rows: Their rows in v.
-        direction: 1 forwards, −1 backwards, of joints that slide or are at their largest force (n).
-        moves: 1 for joints that slide, else 0 (n).
-        holds: 1 for joints that their force keeps at rest, else 0 (n).
+        rows: The rows of their joints in v.
+        direction: 1 forwards, −1 backwards, of joints that slide or are at their largest friction; 1 at a lower and −1
+            at an upper stop (n).
+        moves: 1 for joints that slide, or that a stop does not hold, else 0 (n).
+        holds: 1 for joints that the force keeps at rest, else 0 (n).
         velocity: rad/s or m/s (n).
-        limit: The largest force at rest (n), N m or N.
-        sliding: The force of the others (n); 0 for those that hold.
+        least: The least and `most` the largest force at rest (n), N m or N.
+        sliding: The force of the others (n); 0 for those that hold, and of stops.
+        lasting: Functions (n) of x that are positive while the modes last.
+        ends: Lower and upper end and restitution (n, 3); 0 for dry friction.
     """
 
     rows: tuple[int, ...]
@@ -46,24 +53,34 @@ class StuckJoints:
     moves: casadi.SX
     holds: casadi.SX
     velocity: casadi.SX
-    limit: casadi.SX
+    least: casadi.SX
+    most: casadi.SX
     sliding: casadi.SX
+    lasting: tuple[Callable[[casadi.SX], casadi.SX], ...]
+    ends: casadi.SX
 
     @classmethod
-    def of(cls, parts: Sequence[DryFriction], s: Symbols) -> StuckJoints:
-        """Those of a scene's dry friction, in a run."""
+    def of(cls, parts: Sequence[DryFriction | JointStop], s: Symbols) -> StuckJoints:
+        """Those of a scene, in a run."""
         import casadi
 
         modes = [casadi.vertsplit(s.signal(part.mode)) for part in parts]
-        direction, moves, holds = (casadi.vertcat(*column) for column in zip(*modes, strict=True))
+        direction, moves, holds, _ = (casadi.vertcat(*column) for column in zip(*modes, strict=True))
+        found = [
+            _stop(part, mode, s) if isinstance(part, JointStop) else _friction(part, mode, s)
+            for part, mode in zip(parts, modes, strict=True)
+        ]
         return cls(
             tuple(part.joint.v for part in parts),
             direction,
             moves,
             holds,
             casadi.vertcat(*[s.joint(part.joint).velocity for part in parts]),
-            casadi.vertcat(*[part.limit(s) for part in parts]),
-            casadi.vertcat(*[part.sliding(s, mode[0]) for part, mode in zip(parts, modes, strict=True)]),
+            casadi.vertcat(*[each.least for each in found]),
+            casadi.vertcat(*[each.most for each in found]),
+            casadi.vertcat(*[each.sliding for each in found]),
+            tuple(each.lasts for each in found),
+            casadi.vertcat(*[each.ends for each in found]),
         )
 
     def forces(self, acceleration: casadi.SX, response: casadi.SX, inertia: casadi.SX, *, regular: bool) -> casadi.SX:
@@ -91,23 +108,71 @@ class StuckJoints:
 
         found = casadi.SX(vector)
         for k, row in enumerate(self.rows):
-            found[row] = self.moves[k] * vector[row]
+            found[row] = self.moves[k] * found[row]
         return found
 
     def switches(self, x: casadi.SX) -> casadi.SX:
-        """Functions (n) that are positive while the modes last: d v of joints that slide, else 1 − (x / limit)²."""
-        share = x / self.limit
-        return self.moves * self.direction * self.velocity + (1.0 - self.moves) * (1.0 - share * share)
+        """Functions (n) that are positive while the modes last."""
+        import casadi
+
+        return casadi.vertcat(*[lasts(x[k]) for k, lasts in enumerate(self.lasting)])
 
     def turn(self, acceleration: casadi.SX, response: casadi.SX) -> casadi.SX:
-        """What a run needs to find new modes: velocity (n), acceleration without the forces x (n), A (n, n) row after
-        row, limits (n), and the forces of the joints that do not hold (n).
+        """What a run needs to find new modes: velocity (n), acceleration without the forces x (n), C column after
+        column, least and largest force at rest (n), the forces of the joints that do not hold (n), lower and upper end
+        and restitution of stops (n).
         """
         import casadi
 
-        rows = list(self.rows)
-        matrix = casadi.vec(casadi.densify(response[rows, :].T))
-        return casadi.vertcat(self.velocity, acceleration[rows], matrix, self.limit, self.sliding)
+        columns = casadi.vec(casadi.densify(response))
+        forces = casadi.vertcat(self.least, self.most, self.sliding)
+        return casadi.vertcat(self.velocity, acceleration[list(self.rows)], columns, forces, casadi.vec(self.ends))
+
+
+class _Part(NamedTuple):
+    """One of them: bounds of its force, the force of sliding, what is positive while its mode lasts, and ends (1, 3)."""
+
+    least: casadi.SX
+    most: casadi.SX
+    sliding: casadi.SX
+    lasts: Callable[[casadi.SX], casadi.SX]
+    ends: casadi.SX
+
+
+def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
+    """While it slides d v is positive, else 1 − (x / limit)²."""
+    import casadi
+
+    direction, moves, _, _ = mode
+    limit, velocity = part.limit(s), s.joint(part.joint).velocity
+
+    def lasts(x: casadi.SX) -> casadi.SX:
+        share = x / limit
+        return moves * direction * velocity + (1.0 - moves) * (1.0 - share * share)
+
+    return _Part(-limit, limit, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
+
+
+def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
+    """While it holds its force pushes; else the joint is in its range."""
+    import casadi
+
+    direction, moves, holds, _ = mode
+    lower, upper, place = part.end(s, "lower"), part.end(s, "upper"), s.joint(part.joint).position
+    above, below = math.isfinite(part.number("lower")), math.isfinite(part.number("upper"))
+    room = (
+        (place - lower) * (upper - place) / (upper - lower)
+        if above and below
+        else place - lower
+        if above
+        else upper - place
+    )
+    ends = [lower if above else casadi.SX(-FAR), upper if below else casadi.SX(FAR)]
+    none = casadi.SX(0)
+    return _Part(
+        none, none, none, lambda x: holds * direction * x + moves * room,
+        casadi.horzcat(*ends, casadi.SX(part.value(s, "restitution"))),
+    )  # fmt: skip
 
 
 def _solved(matrix: casadi.SX, right: casadi.SX) -> casadi.SX:

@@ -78,9 +78,9 @@ class DryFriction(JointForce):
         whether the joint moves; and whether its force is what keeps it at rest (1 or 0).
 
         In a closed linkage that other joints hold, a joint may be at rest with its largest force (d is 1 or −1) or
-        with none (d is 0).
+        with none (d is 0). The last entry is that of stops (joint_stops.py).
         """
-        return held_source(f"mode of {self.name}", [0.0, 0.0, 1.0])
+        return held_source(f"mode of {self.name}", [0.0, 0.0, 1.0, 0.0])
 
     def limit(self, symbols: Symbols) -> casadi.SX:
         """The largest force at rest, N m or N."""
@@ -130,9 +130,11 @@ def read_dry_friction(read: Fields, robot: Robot, forces: Sequence[Force]) -> tu
     for name in joints:
         entry = joints.mapping(name)
         joint = joint_named(joints, name, name, robot)
-        entry.only((KEY,))
+        entry.only((KEY, "stop"))
         if KEY not in entry:
-            raise joints.error(name, f"expected '{KEY}', found nothing")
+            if "stop" not in entry:
+                raise joints.error(name, f"expected '{KEY}' or 'stop', found nothing")
+            continue
         part = _friction(entry.mapping(KEY), joint)
         for other in forces:
             if isinstance(other, Friction) and other.joint.name == name:

@@ -57,7 +57,7 @@ CONFIG_KEYS = (
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
-    "joints",
+    "joints", "joint_stops",
 )  # fmt: skip
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]

@@ -38,6 +38,7 @@ from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.joint_stops import JointStop, read_joint_stops
 from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parameters
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
@@ -289,6 +290,11 @@ class Scene(Portable):
         """The dry friction of joints, which is among the forces."""
         return tuple(part for part in self.forces if isinstance(part, DryFriction))
 
+    @property
+    def stops_of_joints(self) -> tuple[JointStop, ...]:
+        """The rigid stops of joints, which are among the forces."""
+        return tuple(part for part in self.forces if isinstance(part, JointStop))
+
     # ---- signals
 
     @property
@@ -487,6 +493,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
     forces = read_forces(read, formulas)
     forces = (*forces, *read_dry_friction(read, robot, forces))
+    forces = (*forces, *read_joint_stops(read, robot, formulas, [force.name for force in forces]))
     motors = config.actuated or config.joints_with_actuators
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
     control = read_control(

@@ -13,6 +13,7 @@ from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.held_inputs import found_signal
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
 from bellcrank.elements.signals import Signal
 from bellcrank.simulation.integration_problem import HeldEntries
@@ -32,7 +33,8 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     if not sources:
         return None
     system, count = system_of(scene), sum(len(part.switches) for part in scene.elements)
-    rows = [system.nq + part.joint.v for part in scene.dry_friction]
+    modes = (*scene.dry_friction, *scene.stops_of_joints)
+    rows = [system.nq + part.joint.v for part in modes]
     updates = [
         (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
         for k, part in enumerate(scene.control)
@@ -43,7 +45,10 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         start=np.concatenate([source.start for source in sources]),
         switch_count=count,
         switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
+        mode_kinds=[int(isinstance(part, JointStop)) for part in modes],
         mode_rows=rows,
+        mode_places=[part.joint.q for part in modes],
+        work_row=system.size - 1 if system.has_work else -1,
         mode_turn=make_ready(((system.mode_turn, "scalar"),))[0] if rows else 0,
         updates=[(address, each.first, each.period) for address, each in updates],
     )

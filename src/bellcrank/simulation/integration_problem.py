@@ -117,14 +117,16 @@ class StepControl:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldEntries:
     """The last entries of u, which change only at instants of the run: sides of switches, then modes of joints with dry
-    friction, then what updates compute.
+    friction and stops, then what updates compute.
 
     Attributes:
         start: Their values at the start.
         switch_count: How many of the first are sides, 1 or -1.
         switches: Address of (t, x, u, p) -> the functions whose signs they are, and those that are positive while the
             modes last; 0 where there are none.
-        mode_rows: The entries of x that are the velocities of the joints with modes.
+        mode_kinds: 0 for dry friction, 1 for a stop.
+        mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
+        work_row: The entry of x that is the work, which impacts change; −1: there is none.
         mode_turn: Address of (t, x, u, p) -> what new modes are found by (`StuckJoints.turn`); 0 without modes.
         updates: (address of (t, x, u, p) -> all entries after sides and modes, first time s, period s) of each update;
             with the address 0 a function that `PreparedProblem.run` is given computes them.
@@ -133,7 +135,10 @@ class HeldEntries:
     start: Array
     switch_count: int = 0
     switches: int = 0
+    mode_kinds: Sequence[int] = ()
     mode_rows: Sequence[int] = ()
+    mode_places: Sequence[int] = ()
+    work_row: int = -1
     mode_turn: int = 0
     updates: Sequence[tuple[int, float, float]] = ()
 

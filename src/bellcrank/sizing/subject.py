@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 OneMotion = Motion | str | Path
 DUTY_NOT_USED = "the duty program of the configuration is not used: the given motions are cycles of their own"
 SCENE_KEYS = (  # keys of a file that affect sizing
-    "constraints", "forces", "joints", "control", "parameters", "initial", "base",
+    "constraints", "forces", "joints", "joint_stops", "control", "parameters", "initial", "base",
 )  # fmt: skip
 
 

@@ -7,8 +7,8 @@
 
 #include <utility>
 
+#include "bounded_forces.hpp"
 #include "event_detection.hpp"
-#include "friction_modes.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -19,7 +19,8 @@ class Held {
       : rhs_(rhs), p_(rhs.problem), h_(p_.held), record_(record), view_(functions(p_)), changes_(rhs, last, view_),
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
         before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
-        found_(h_.mode_count * (h_.mode_count + 4)), fastest_(h_.mode_count), resting_(h_.mode_count), state_(p_.n + 16) {
+        found_(h_.mode_count * (p_.nv + 8)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
+        struck_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
   }
@@ -77,12 +78,17 @@ class Held {
     at_instant(t);
     return over(turn_, t, x) && settle(t, x, true) && !chatters();
   }
+  // The end of the next step from t on, up to `bound`: within the flight after an impact, whose end would not be seen if the
+  // joint were back before the step is first sampled.
+  double step_bound(double t, double bound) const { return flight_ > t ? smaller(flight_, bound) : bound; }
   // The state from which the run goes on after `begin` and `turn`, where it is not the one before: joints are at rest.
   const double* rested() { return std::exchange(rested_, false) ? static_cast<const double*>(state_) : nullptr; }
   bool chatters() const { return turn_ >= 0 && quick_[turn_] >= most_quick; }
 
  private:
   static constexpr double same_instant = 1e-9;  // of its largest speed: a joint that comes to rest with another one
+  static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
+  static constexpr double least_time = 1e-10;   // of the time: rebounds that would end sooner are not followed
   static constexpr int most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
 
   // What `changes_` finds is asked for directly.
@@ -109,12 +115,12 @@ class Held {
   Buffer old_, turn_time_;
   Array<std::int64_t> done_;  // updates so far
   int turn_ = -1;
-  double end_ = 0, instant_ = -INFINITY;
+  double end_ = 0, instant_ = -INFINITY, flight_ = -INFINITY;
   bool begun_ = false, failed_ = false, rested_ = false;
-  FrictionModes modes_;
+  BoundedForces modes_;
   Buffer found_, fastest_;  // what the kernel found; the largest speed of each joint since it was at rest
-  Array<int> resting_;
-  Buffer state_;
+  Array<int> resting_, closed_, struck_;
+  Buffer state_, after_;  // after_: velocities of joints after an impact
 
   static Problem functions(const Problem& p) {
     Problem view = p;
@@ -124,13 +130,16 @@ class Held {
   static double rounding(double t) { return 1e-12 * larger(1, std::fabs(t)); }
   double due(int k) const { return h_.updates[k].first + static_cast<double>(done_[k]) * h_.updates[k].period; }
   double side(int e) { return e < h_.switch_count ? rhs_.held()[e] : 1.0; }
-  struct Mode {  // of a joint: the direction of its force, reversed; whether it moves; whether its force follows from rest
-    double direction, moves, holds;
+  // Of dry friction: the direction of motion, against which the force acts; whether the joint moves; whether its force
+  // follows from rest. Of a stop: 1 at the lower and -1 at the upper one, where it holds the joint; the impulse of an impact
+  // at this instant.
+  struct Mode {
+    double direction, moves, holds, impulse;
   };
   Mode& mode(int j) { return reinterpret_cast<Mode*>(rhs_.held() + h_.switch_count)[j]; }
 
   bool update(int k, double t, const double* x) {
-    const int skipped = h_.switch_count + 3 * h_.mode_count;
+    const int skipped = h_.switch_count + 4 * h_.mode_count;
     double* values = rhs_.held() + skipped;
     const int count = h_.count - skipped;
     if (!h_.updates[k].kernel) return record_.update(k, t, x, values) || !(failed_ = true);
@@ -183,56 +192,174 @@ class Held {
     return true;
   }
 
-  // At the start of a run: joints that move slide, the others stick or begin to slide.
-  bool first_modes(double t, const double* x) {
-    bool rest = false;
-    for (int j = 0; j < h_.mode_count; ++j) {
-      const int direction = sign(x[h_.mode_rows[j]]);
-      mode(j) = {1.0 * direction, direction ? 1.0 : 0.0, direction ? 0.0 : 1.0};
-      rest |= !direction;
-    }
-    return !rest || find_modes(-1, t, x);
-  }
+  // What the kernel `turn` finds at a state, for m contacts of a state with nv velocities.
+  struct Turn {
+    const double *velocity, *free, *response, *low, *high, *sliding, *place_low, *place_high, *restitution;
+  };
 
-  // The modes of the joints that are at rest: those that are stuck, `cause`, and those that come to rest with it.
-  bool find_modes(int cause, double t, const double* x) {
+  bool evaluate(double t, const double* x, Turn& found) {
     const int n = h_.mode_count;
     if (p_.signal_count) rhs_.signals(t);
     const double* const in[] = {&t, x, rhs_.u(), p_.p};
     double* const out[] = {found_};
     if (h_.turn(in, out) != 0) return false;
-    const double *velocity = found_, *free = velocity + n, *response = free + n, *limit = response + n * n,
-                 *sliding = limit + n;
-    int count = 0;
-    for (int j = 0; j < n; ++j)
-      if (!mode(j).moves || j == cause || std::fabs(velocity[j]) <= same_instant * fastest_[j]) resting_[count++] = j;
+    const double* v = found_;
+    const double* response = v + 2 * n;
+    const double* rest = response + n * p_.nv;
+    found = {v, v + n, response, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n};
     double sum = 0;
+    for (int k = 0; k < n * (2 + p_.nv); ++k) sum += found_[k] * 0.0;
+    return sum == 0;
+  }
+
+  bool is_stop(int j) const { return h_.mode_kinds[j] == 1; }
+  double response(const Turn& f, int j, int k) const { return f.response[k * p_.nv + h_.mode_rows[j] - p_.nq]; }
+
+  // At the start of a run: joints that move slide, the others stick or begin to slide.
+  bool first_modes(double t, const double* x) {
+    for (int j = 0; j < h_.mode_count; ++j) {
+      const int direction = sign(x[h_.mode_rows[j]]);
+      if (is_stop(j)) mode(j) = {0, 1, 0, 0};
+      else mode(j) = {1.0 * direction, direction ? 1.0 : 0.0, direction ? 0.0 : 1.0, 0};
+    }
+    return !h_.mode_count || find_modes(-1, t, x);
+  }
+
+  // New modes at an instant, which `cause` brings about: impacts at stops first, then the forces of the joints at rest.
+  bool find_modes(int cause, double t, const double* x) {
+    const int n = h_.mode_count;
+    Turn f;
+    if (!evaluate(t, x, f)) return false;
+    if (x != state_) std::memcpy(state_, x, p_.n * sizeof(double));
+    for (int j = 0; j < n; ++j) mode(j).impulse = 0;
+    bool hits = false;
+    for (int j = 0; j < n; ++j) {
+      closed_[j] = is_stop(j) ? closed(j, j == cause, f) : 0;
+      hits |= closed_[j] * f.velocity[j] < 0;
+    }
+    const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit
+    if (hits && (!impact(t, f) || !evaluate(t, state_, f))) return false;
+    int count = 0;
+    for (int j = 0; j < n; ++j) {
+      if (is_stop(j) ? closed_[j] && f.velocity[j] == 0
+                     : !mode(j).moves || j == cause || std::fabs(f.velocity[j]) <= same_instant * fastest_[j])
+        resting_[count++] = j;
+      else if (is_stop(j)) mode(j) = {0, 1, 0, mode(j).impulse};
+      if (closed_[j]) state_[h_.mode_places[j]] = closed_[j] > 0 ? f.place_low[j] : f.place_high[j];
+      if (closed_[j] || hits) turned_[h_.switch_count + j] = 1;
+    }
     for (int k = 0; k < count; ++k) {
       const int j = resting_[k];
-      double value = free[j];
+      double value = f.free[j];
       for (int l = 0; l < count; ++l) {
-        modes_.matrix[k * count + l] = response[j * n + resting_[l]];
-        value -= response[j * n + resting_[l]] * sliding[resting_[l]];
+        modes_.matrix[k * count + l] = response(f, j, resting_[l]);
+        value -= response(f, j, resting_[l]) * f.sliding[resting_[l]];
       }
-      modes_.right[k] = value, modes_.limit[k] = limit[j];
-      sum += value * 0.0;
+      modes_.right[k] = value;
+      set_bounds(k, j, f);
     }
-    if (sum != 0) return false;
     modes_.solve(count);
-    std::memcpy(state_, x, p_.n * sizeof(double));
-    const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit
     for (int k = 0; k < count; ++k) {
       const int j = resting_[k];
       const double direction = modes_.force[k] > 0 ? -1 : 1;
-      if (!modes_.at_limit(k)) mode(j) = {0, 0, modes_.holds(k) ? 1.0 : 0.0};
-      else if (!modes_.can_move(k, count)) mode(j) = {direction, 0, 0};
-      else if (gives_way || modes_.moves(k, count)) mode(j) = {direction, 1, 0};
-      else mode(j) = {0, 0, 1};
+      Mode& m = mode(j);
+      if (is_stop(j)) {
+        const bool holds = !modes_.at_limit(k) && modes_.holds(k);
+        m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
+      } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, 0};
+      else if (!modes_.can_move(k, count)) m = {direction, 0, 0, 0};
+      else if (gives_way || modes_.moves(k, count)) m = {direction, 1, 0, 0};
+      else m = {0, 0, 1, 0};
       state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
       turned_[h_.switch_count + j] = 1;
     }
     rested_ = true;
     return true;
+  }
+
+  // The stop at which a joint is: 1 the lower one, -1 the upper one, 0 none.
+  int closed(int j, bool cause, const Turn& f) {
+    if (mode(j).holds) return mode(j).direction > 0 ? 1 : -1;
+    const double place = state_[h_.mode_places[j]], above = place - f.place_low[j], below = f.place_high[j] - place;
+    if (cause) return above < below ? 1 : -1;
+    return above <= same_place ? 1 : below <= same_place ? -1 : 0;
+  }
+
+  void set_bounds(int k, int j, const Turn& f) {
+    modes_.low[k] = is_stop(j) ? (closed_[j] > 0 ? 0 : -INFINITY) : f.low[j];
+    modes_.high[k] = is_stop(j) ? (closed_[j] > 0 ? INFINITY : 0) : f.high[j];
+  }
+
+  // The impact of the joints at stops that `state_` moves into them: impulses p with v+ = v + C p that leave no joint
+  // moving into its stop. By Newton's law v+ = -e v; where that would raise the energy, by Poisson's (Pfeiffer & Glocker,
+  // Multibody Dynamics with Unilateral Contacts, 1996, ch. 8). Rebounds that would end within rounding of the time are not
+  // followed: there the joint rests.
+  bool impact(double t, const Turn& f) {
+    int count = 0;
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (closed_[j]) struck_[count++] = j;
+    double change = strike(count, f, 1);
+    if (change > 0) change = poisson(count, f);
+    bool rests = false;
+    for (int k = 0; k < count; ++k) {
+      const int j = struck_[k];
+      const double rebound = closed_[j] * after_[k], pull = -closed_[j] * f.free[j], e = f.restitution[j];
+      rests |= rebound > 0 && e < 1 && 2 * rebound < least_time * larger(1, t) * pull * (1 - e);
+    }
+    if (rests) change = strike(count, f, 0);
+    flight_ = INFINITY;
+    for (int k = 0; k < count; ++k) {
+      const double rebound = closed_[struck_[k]] * after_[k], pull = -closed_[struck_[k]] * f.free[struck_[k]];
+      if (rebound > 0 && pull > 0) flight_ = smaller(flight_, t + 1.4 * rebound / pull);
+    }
+    if (flight_ == INFINITY) flight_ = -INFINITY;
+    if (!(change - change == 0)) return false;
+    for (int k = 0; k < count; ++k) {
+      for (int i = 0; i < p_.nv; ++i) state_[p_.nq + i] += f.response[struck_[k] * p_.nv + i] * modes_.force[k];
+      mode(struck_[k]).impulse = modes_.force[k];
+    }
+    for (int k = 0; k < count; ++k)
+      if (std::fabs(after_[k]) <= same_instant * std::fabs(f.velocity[struck_[k]])) state_[h_.mode_rows[struck_[k]]] = 0;
+    if (h_.work_row >= 0) state_[h_.work_row] += change;
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (!is_stop(j)) {
+        const int direction = sign(state_[h_.mode_rows[j]]);
+        if (direction) mode(j) = {1.0 * direction, 1, 0, 0};
+      }
+    return true;
+  }
+
+  // Impulses with `share` of the restitution; the change of the kinetic energy.
+  double strike(int count, const Turn& f, double share) {
+    for (int k = 0; k < count; ++k) {
+      const int j = struck_[k];
+      modes_.right[k] = (1 + share * f.restitution[j]) * f.velocity[j];
+      for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, j, struck_[l]);
+      set_bounds(k, j, f);
+    }
+    modes_.solve(count);
+    return energy(count, f);
+  }
+
+  // Compression without restitution, then at least the share e of its impulses.
+  double poisson(int count, const Turn& f) {
+    strike(count, f, 0);
+    for (int k = 0; k < count; ++k) {
+      const double least = (1 + f.restitution[struck_[k]]) * modes_.force[k];
+      (closed_[struck_[k]] > 0 ? modes_.low : modes_.high)[k] = least;
+    }
+    modes_.solve(count);
+    return energy(count, f);
+  }
+
+  double energy(int count, const Turn& f) {
+    double change = 0;
+    for (int k = 0; k < count; ++k) {
+      after_[k] = f.velocity[struck_[k]];
+      for (int l = 0; l < count; ++l) after_[k] += response(f, struck_[k], struck_[l]) * modes_.force[l];
+      change += 0.5 * modes_.force[k] * (f.velocity[struck_[k]] + after_[k]);
+    }
+    return change;
   }
 };
 

@@ -34,7 +34,7 @@ struct Reading : ProblemReading {
   Vector x0_, parameters_, times_, start_;
   std::vector<double> stops_;
   std::vector<Update> updates_;
-  std::vector<int> mode_rows_;
+  std::vector<int> mode_rows_, mode_kinds_, mode_places_;
 
   void read_held(nb::handle held) {
     if (held.is_none()) return;
@@ -42,14 +42,22 @@ struct Reading : ProblemReading {
     plain.held.count = static_cast<int>(start_.shape(0)), plain.held.start = start_.data();
     plain.held.switch_count = get<int>(held, "switch_count");
     plain.held.switches = function<Kernel>(held, "switches");
+    mode_kinds_ = get<std::vector<int>>(held, "mode_kinds"), mode_places_ = get<std::vector<int>>(held, "mode_places");
+    plain.held.mode_kinds = mode_kinds_.data(), plain.held.mode_places = mode_places_.data();
+    plain.held.work_row = get<int>(held, "work_row");
     mode_rows_ = get<std::vector<int>>(held, "mode_rows");
     plain.held.mode_rows = mode_rows_.data(), plain.held.mode_count = static_cast<int>(mode_rows_.size());
     plain.held.turn = function<Kernel>(held, "mode_turn");
-    const int turning = plain.held.switch_count + 3 * plain.held.mode_count;
+    const int turning = plain.held.switch_count + 4 * plain.held.mode_count;
     require(plain.held.switch_count >= 0 && turning <= plain.held.count && (plain.held.switches || !turning) &&
                 (plain.held.turn || !plain.held.mode_count),
             "integrate: a held entry for each switch and mode, and their functions");
-    for (const int row : mode_rows_) require(row >= 0 && row < plain.n, "integrate: modes are of velocities in x");
+    for (const int row : mode_rows_)
+      require(row >= plain.nq && row < plain.nq + plain.nv, "integrate: modes are of velocities in x");
+    for (const int place : mode_places_) require(place >= 0 && place < plain.nq, "integrate: stops are of positions in x");
+    require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
+                plain.held.work_row < plain.n,
+            "integrate: a kind and a position for each mode");
     for (auto [kernel, first, period] :
          get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {
       require(period > 0 && std::isfinite(first), "integrate: updates need a period");
@@ -91,7 +99,7 @@ class PreparedProblem {
     auto made = std::make_unique<StepResult>(problem.n, problem.t0, problem.event_count, std::move(progress),
                                              std::move(checkpoint), interval);
     StepResult& result = *made;
-    result.held_count = problem.held.count, result.switch_count = problem.held.switch_count + 3 * problem.held.mode_count;
+    result.held_count = problem.held.count, result.switch_count = problem.held.switch_count + 4 * problem.held.mode_count;
     result.updates = std::move(updates);
     result.least_values.resize(problem.observed), result.largest_values.resize(problem.observed);
     result.least = result.least_values.data(), result.largest = result.largest_values.data();

@@ -61,7 +61,7 @@ class IntegrationLoop {
       while (stepper_.t < bound) {
         const std::int64_t rejected = stepper_.rejected;
         const bool implicit = is_implicit();
-        const Outcome outcome = fixed ? stepper_.fixed(grid(bound)) : stepper_.advance(bound);
+        const Outcome outcome = fixed ? stepper_.fixed(within(grid(bound))) : stepper_.advance(within(bound));
         if (is_implicit() != implicit) record_.switched(stepper_.t_old, !implicit);
         if (outcome != Outcome::accepted) return status_of(outcome);
         const bool turns = held_.exist() && !held_.stays(stepper_);
@@ -91,6 +91,8 @@ class IntegrationLoop {
     }
     return Status::finished;
   }
+
+  double within(double bound) const { return held_.exist() ? held_.step_bound(stepper_.t, bound) : bound; }
 
   // The last step again, up to the time at which a switch turns; where it begins there, the state before it.
   Outcome retake() {

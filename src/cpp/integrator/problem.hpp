@@ -51,10 +51,13 @@ struct Update {
 };
 struct HeldEntries {
   int count, switch_count;  // sides first, then modes, then what updates compute
-  int mode_count;           // of joints with dry friction; three entries each (held_entries.hpp)
-  const int* mode_rows;     // the entries of x that are their velocities
-  Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of stuck joints (m), its
-                            // response to forces (m, m), limits of forces at rest (m), forces of sliding joints (m)
+  int mode_count;           // of joints with dry friction or stops; four entries each (held_entries.hpp)
+  const int* mode_kinds;    // 0 dry friction, 1 a stop
+  const int *mode_rows, *mode_places;  // the entries of x that are their velocities, and positions
+  int work_row;             // the entry of x that is the work, which impacts change, or -1
+  Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of joints at rest (m), the
+                            // response of all velocities to each force (m, nv), least and largest force at rest (m, m),
+                            // forces of sliding joints (m), lower and upper stop (m, m), restitution (m)
   const double* start;  // (count)
   Kernel switches;      // (t, x, u, p) -> the functions of sides, and those that are positive while modes last
   const Update* updates;

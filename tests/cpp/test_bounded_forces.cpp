@@ -1,7 +1,7 @@
-// New modes of joints with dry friction: against the enumeration of all modes, and where forces are not unique; and a run
+// Forces of joints that dry friction holds: against the enumeration of all modes, and where forces are not unique; and a run
 // that sticks and slides as the closed form says.
 #include "explicit_runge_kutta.hpp"
-#include "friction_modes.hpp"
+#include "bounded_forces.hpp"
 #include "integration_loop.hpp"
 #include "known_problem.hpp"
 #include "radau_iia.hpp"
@@ -12,22 +12,22 @@ using namespace bellcrank::BELLCRANK_ISA;
 namespace {
 
 // Accelerations b + A τ of forces that obey the law, to a tolerance.
-void check_law(const FrictionModes& m, int n) {
+void check_law(const BoundedForces& m, int n) {
   for (int i = 0; i < n; ++i) {
     double a = m.right[i], size = std::fabs(a);
     for (int j = 0; j < n; ++j) a += m.matrix[i * n + j] * m.force[j], size += std::fabs(m.matrix[i * n + j] * m.force[j]);
     CHECK(std::fabs(a - m.acceleration[i]) <= 1e-13 * size);
-    CHECK(std::fabs(m.force[i]) <= m.limit[i] * (1 + 1e-9));
+    CHECK(std::fabs(m.force[i]) <= m.high[i] * (1 + 1e-9));
     if (!m.at_limit(i)) CHECK(std::fabs(a) <= 1e-8 * size);
-    else CHECK(a * m.force[i] <= 1e-8 * size * m.limit[i]);
+    else CHECK(a * m.force[i] <= 1e-8 * size * m.high[i]);
   }
 }
 
-void set(FrictionModes& m, int n, int rank, Random& random) {
+void set(BoundedForces& m, int n, int rank, Random& random) {
   Numbers factor(n * rank);
   for (double& x : factor) x = random.between(-1, 1);
   for (int i = 0; i < n; ++i) {
-    m.limit[i] = std::pow(10.0, random.between(-2, 1)), m.right[i] = 0;
+    m.high[i] = std::pow(10.0, random.between(-2, 1)), m.low[i] = -m.high[i], m.right[i] = 0;
     for (int j = 0; j < n; ++j) {
       m.matrix[i * n + j] = 0;
       for (int k = 0; k < rank; ++k) m.matrix[i * n + j] += factor[i * rank + k] * factor[j * rank + k];
@@ -102,7 +102,7 @@ TEST_CASE("forces of dry friction obey its law for joints that move freely of ea
   Random random(7);
   for (int k = 0; k < 2000; ++k) {
     const int n = 1 + k % 8;
-    FrictionModes m(n);
+    BoundedForces m(n);
     set(m, n, n + 2, random);
     m.solve(n);
     check_law(m, n);
@@ -113,7 +113,7 @@ TEST_CASE("forces of joints that hold each other obey the law, and only as many 
   Random random(7);
   for (int k = 0; k < 2000; ++k) {
     const int n = 2 + k % 6, rank = 1 + k % 2;
-    FrictionModes m(n);
+    BoundedForces m(n);
     set(m, n, rank, random);
     m.solve(n);
     check_law(m, n);
@@ -126,8 +126,8 @@ TEST_CASE("forces of joints that hold each other obey the law, and only as many 
 }
 
 TEST_CASE("a load at the limit of a joint alone can move it") {
-  FrictionModes m(1);
-  m.matrix[0] = 2, m.right[0] = -2 * 5.0, m.limit[0] = 5.0;
+  BoundedForces m(1);
+  m.matrix[0] = 2, m.right[0] = -2 * 5.0, m.low[0] = -5.0, m.high[0] = 5.0;
   m.solve(1);
   CHECK(m.at_limit(0));
   CHECK(m.can_move(0, 1));

@@ -1,7 +1,7 @@
-// New modes of joints with dry friction whose velocities are 0: which of them stick, and which begin to slide, and whither.
+// Forces of joints that dry friction or a stop holds, or lets go; and impulses of joints that reach a stop.
 //
-// With accelerations a = b + A τ and forces |τ| <= c, A symmetric and positive semidefinite: a = 0 where |τ| < c, a >= 0
-// where τ = -c, a <= 0 where τ = c. This is a linear complementarity problem with two bounds, solved by pivots of least
+// With accelerations a = b + A τ and forces low <= τ <= high, A symmetric and positive semidefinite: a = 0 between the
+// bounds, a >= 0 where τ = low, a <= 0 where τ = high. This is a linear complementarity problem with two bounds, solved by pivots of least
 // index, which end for positive definite A: J. J. Júdice & F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596; K. G. Murty,
 // Linear Complementarity (1988), ch. 6. If rounding keeps them from ending, relaxation goes on from there.
 //
@@ -16,14 +16,14 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-class FrictionModes {
+class BoundedForces {
  public:
-  explicit FrictionModes(int most)
-      : force(most), acceleration(most), matrix(static_cast<std::size_t>(most) * most), right(most), limit(most),
+  explicit BoundedForces(int most)
+      : force(most), acceleration(most), matrix(static_cast<std::size_t>(most) * most), right(most), low(most), high(most),
         side_(most), inside_(most), free_(most), factor_(static_cast<std::size_t>(most) * most), x_(most) {}
 
   Buffer force, acceleration;  // the solution (n)
-  Buffer matrix, right, limit;  // A (n, n), b and c (n)
+  Buffer matrix, right, low, high;  // A (n, n), b and the bounds (n), of which one may be infinite
 
   // Solves for `force` and `acceleration`.
   void solve(int n) {
@@ -32,14 +32,14 @@ class FrictionModes {
       equilibrium(n);
       const int wrong = first_wrong(n);
       if (wrong < 0) return to_limits(n);
-      side_[wrong] = side_[wrong] ? 0 : force[wrong] > 0 ? 1 : -1;
+      side_[wrong] = side_[wrong] ? 0 : force[wrong] > high[wrong] ? 1 : -1;
     }
     relax(n);
   }
 
   // Whether joint i accelerates, by more than rounding explains.
   bool moves(int i, int n) const { return std::fabs(acceleration[i]) > rounding(i, n); }
-  bool at_limit(int i) const { return std::fabs(force[i]) >= limit[i] * (1 - 1e-9); }
+  bool at_limit(int i) const { return side_[i] != 0; }
   // Whether the force of joint i, below its limit, keeps it at rest; otherwise others do.
   bool holds(int i) const { return free_[i] > 0; }
   // Whether joint i could move while the joints that hold do not.
@@ -71,7 +71,7 @@ class FrictionModes {
 
   // Forces inside their bounds that give no acceleration, the others being at theirs.
   void equilibrium(int n) {
-    for (int i = 0; i < n; ++i) force[i] = side_[i] * limit[i], free_[i] = 0;
+    for (int i = 0; i < n; ++i) force[i] = side_[i] > 0 ? high[i] : side_[i] < 0 ? low[i] : 0, free_[i] = 0;
     kept_ = 0;
     for (int i = 0; i < n; ++i) {  // Cholesky, without the joints that those before them hold
       if (side_[i]) continue;
@@ -105,7 +105,7 @@ class FrictionModes {
   void to_limits(int n) {
     bool changed = false;
     for (int i = 0; i < n; ++i)
-      if (!side_[i] && at_limit(i)) side_[i] = force[i] > 0 ? 1 : -1, changed = true;
+      if (!side_[i] && reaches(i, n)) side_[i] = std::fabs(force[i] - high[i]) < std::fabs(force[i] - low[i]) ? 1 : -1, changed = true;
     if (changed) equilibrium(n);
   }
 
@@ -119,8 +119,19 @@ class FrictionModes {
 
   int first_wrong(int n) const {
     for (int i = 0; i < n; ++i)
-      if (side_[i] ? side_[i] * acceleration[i] > rounding(i, n) : std::fabs(force[i]) > limit[i] * (1 + small)) return i;
+      if (side_[i] ? side_[i] * acceleration[i] > rounding(i, n)
+                   : force[i] > high[i] + small * std::fabs(high[i]) || force[i] < low[i] - small * std::fabs(low[i]))
+        return i;
     return -1;
+  }
+
+  // Whether a force is at a bound up to rounding, which is relative to the bound or, at a bound of 0, to the load.
+  bool reaches(int i, int n) const {
+    const double load = std::fabs(right[i]) / (a(i, i, n) + 1e-300);
+    auto near = [&](double bound) {
+      return std::fabs(bound) < INFINITY && std::fabs(force[i] - bound) <= 1e-9 * (bound != 0 ? std::fabs(bound) : load);
+    };
+    return near(low[i]) || near(high[i]);
   }
 
   void relax(int n) {
@@ -129,8 +140,9 @@ class FrictionModes {
         double sum = right[i];
         for (int j = 0; j < n; ++j) sum += a(i, j, n) * force[j];
         const double next = force[i] - sum / (a(i, i, n) + 1e-300);
-        force[i] = next > limit[i] ? limit[i] : next < -limit[i] ? -limit[i] : next;
+        force[i] = next > high[i] ? high[i] : next < low[i] ? low[i] : next;
       }
+    for (int i = 0; i < n; ++i) side_[i] = force[i] >= high[i] ? 1 : force[i] <= low[i] ? -1 : 0, free_[i] = !side_[i];
     accelerate(n);
   }
 };

@@ -1,0 +1,145 @@
+"""Stops of joints: rigid ends of their ranges, at which impacts follow a coefficient of restitution.
+
+`joints.NAME.stop` has `lower` and `upper` (by default those of the robot file) and `restitution` (0 by default);
+`joint_stops: from_file` gives every joint with a range in the robot file a stop without restitution. With `stiffness`
+the stop is elastic: a force −max(0, stiffness δ + damping δ̇) at the depth δ. Source of the law of impact: Newton's;
+where several stops are struck at once and it would raise the energy, Poisson's (stuck_joints.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import numpy as np
+
+from bellcrank.config.fields import Fields
+from bellcrank.elements.element import (  # fmt: skip
+    ANY,
+    NONNEGATIVE,
+    POSITIVE,
+    Force,
+    GeneralisedForce,
+    Settable,
+    joint_named,
+    joint_unit,
+    number,
+)
+from bellcrank.elements.formulas import FormulaReader
+from bellcrank.elements.held_inputs import HeldSource, held_source
+from bellcrank.elements.joint_forces import JointForce, JointLoad
+from bellcrank.robot.robot import Robot, RobotJoint
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+
+KEY: Final = "stop"
+ALL: Final = "joint_stops"
+CHOICES: Final = ("none", "from_file")
+
+
+@dataclass(frozen=True)
+class JointStop(JointForce):
+    """A rigid stop at both ends of a joint's range, rad or m, of which one may be infinite."""
+
+    lower: float
+    upper: float
+    restitution: float
+    kind: ClassVar[str] = KEY
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """The ends that are finite, and the restitution."""
+        unit = joint_unit(self.joint, "position")
+        found = {key: Settable(unit, ANY) for key in ("lower", "upper") if math.isfinite(self.number(key))}
+        return {**found, "restitution": Settable("", NONNEGATIVE)}
+
+    @property
+    def mode(self) -> HeldSource:
+        """The entries of u that hold its mode: 1 at the lower and −1 at the upper end, where it holds the joint; whether
+        it does not (1 or 0); whether it does; and the impulse of an impact at that instant.
+        """
+        return held_source(f"mode of {self.name}", [0.0, 1.0, 0.0, 0.0])
+
+    def end(self, symbols: Symbols, name: str) -> casadi.SX:
+        """The position of an end, "lower" or "upper"."""
+        import casadi
+
+        return casadi.SX(self.value(symbols, name))
+
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """None: the force of a stop follows from the equations of motion."""
+        return GeneralisedForce(symbols.joint_force(self.joint.v, 0.0), symbols.zero, symbols.zero, False)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """The force at the joint, N m or N, without impacts."""
+        import casadi
+
+        return casadi.SX(symbols.holding.get(self.name, 0.0))
+
+
+def read_joint_stops(read: Fields, robot: Robot, formulas: FormulaReader, names: Sequence[str]) -> tuple[Force, ...]:
+    """Read the stops of a scene. `names` are taken by other forces. Raises InputError naming file and key."""
+    joints, found = read.mapping("joints", {}), list[Force]()
+    own = [name for name in joints if KEY in joints.mapping(name)]
+    for name in own:
+        joint, entry = joint_named(joints, name, name, robot), joints.mapping(name).mapping(KEY)
+        found.append(_stop(entry, joint, robot, formulas))
+    if read.choice(ALL, CHOICES, "none") == "from_file":
+        for joint in robot.joints:
+            lower, upper = _range(robot, joint)
+            if joint.nv == 1 and joint.name not in own and (math.isfinite(lower) or math.isfinite(upper)):
+                found.append(JointStop(f"stop_{joint.name}", read, joint, lower, upper, 0.0))
+    for part in found:
+        if part.name in names:
+            raise read.error("joints", f"the name '{part.name}' is taken by a force; give the force another name")
+    return tuple(found)
+
+
+def _range(robot: Robot, joint: RobotJoint) -> tuple[float, float]:
+    """A joint's range in the robot file; infinite where there is none."""
+    return (float(robot.lower[joint.q]), float(robot.upper[joint.q])) if joint.nq == 1 else (-math.inf, math.inf)
+
+
+def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader) -> Force:
+    read.only(("lower", "upper", "restitution", "stiffness", "damping"))
+    unit, ends = joint_unit(joint, "position"), dict(zip(("lower", "upper"), _range(robot, joint), strict=True))
+    given = [key for key in ends if key in read]
+    if given:
+        ends = {key: number(read, key, unit) if key in read else math.copysign(math.inf, v) for key, v in ends.items()}
+        ends = {key: -math.inf if key == "lower" and key not in given else value for key, value in ends.items()}
+        ends = {key: math.inf if key == "upper" and key not in given else value for key, value in ends.items()}
+    lower, upper = ends["lower"], ends["upper"]
+    if not (math.isfinite(lower) or math.isfinite(upper)):
+        raise read.error("lower", f"joint '{joint.name}' has no range in the robot file; give 'lower', 'upper' or both")
+    if not lower < upper:
+        raise read.error(
+            given[-1] if given else "lower", f"expected lower < upper, found {lower:g} and {upper:g} {unit}"
+        )
+    name = f"stop_{joint.name}"
+    if "stiffness" not in read and "damping" not in read:
+        restitution = number(read, "restitution", "", 0.0, NONNEGATIVE)
+        if restitution > 1.0:
+            raise read.error("restitution", f"expected 0 to 1, found {restitution:g}")
+        read.done()
+        return JointStop(name, read, joint, lower, upper, restitution)
+    if "restitution" in read:
+        raise read.error("restitution", "an elastic stop (stiffness, damping) has no restitution; give one of the two")
+    stiffness = number(read, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
+    damping = number(read, "damping", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
+    read.done()
+    return JointLoad.read(name, Fields(_elastic(joint.name, lower, upper, stiffness, damping), read.where), formulas)
+
+
+def _elastic(name: str, lower: float, upper: float, stiffness: float, damping: float) -> dict[str, Any]:
+    """The entry of a force that pushes a joint back into its range, and never pulls."""
+    parts = []
+    for end, sign in ((lower, 1.0), (upper, -1.0)):
+        if np.isfinite(end):
+            depth, rate = f"({sign * end!r} - {sign!r}*{name}.position)", f"(-{sign!r}*{name}.velocity)"
+            parts.append(f"{sign!r}*step({depth})*max(0, {stiffness!r}*{depth} + {damping!r}*{rate})")
+    return {"kind": JointLoad.kind, "joint": name, "value": " + ".join(parts)}
