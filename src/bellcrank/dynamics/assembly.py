@@ -20,7 +20,9 @@ from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiat
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
-from bellcrank.dynamics.stuck_joints import StuckJoints
+from bellcrank.dynamics.stuck_joints import StuckJoints, entries
+from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
@@ -161,7 +163,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
         if held_parts:
             joints = _stuck_joints(scene, s)
-            response, inertia = s.response(joints.rows), casadi.diag(mass_matrix(s))[list(joints.rows)]
+            response, inertia = s.response(joints.rows), entries(casadi.diag(mass_matrix(s)), joints.rows)
             forces = joints.forces(acceleration, response, inertia, regular=True)
             held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response))
             acceleration = joints.at_rest(acceleration + response @ forces)
@@ -226,7 +228,7 @@ class _Held(NamedTuple):
 
 def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     """The dry friction and stops of a scene's joints, in a run. Raises InputError outside of one."""
-    parts = (*scene.dry_friction, *scene.stops_of_joints)
+    parts: list[DryFriction | JointStop] = [*scene.dry_friction, *scene.stops_of_joints]
     if not s.held_sides:
         raise InputError(
             f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks has no "
@@ -241,7 +243,7 @@ def _with_stuck_joints(solution: ConstrainedSolution, joints: StuckJoints) -> tu
 
     nv, rows = solution.mass.size1(), list(joints.rows)
     unit = [casadi.SX(casadi.DM.eye(nv)[:, row]) for row in rows]
-    none, inertia = casadi.SX(solution.plain_factor.m, 1), casadi.diag(solution.mass)[rows]
+    none, inertia = casadi.SX(solution.plain_factor.m, 1), entries(casadi.diag(solution.mass), rows)
 
     def held(found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]) -> tuple[KktSolution, casadi.SX]:
         response = casadi.horzcat(*[a for a, _ in responses])

@@ -1,6 +1,6 @@
-"""The forces of joints that dry friction or a stop keeps at rest, and the equations by which a run finds which those are.
+"""The forces of joints that dry friction or a stop keeps at rest, and what a run needs to find which those are.
 
-Forces x at the joints with dry friction or stops change the accelerations to v̇ + C x, C being the response to unit forces,
+Forces x of dry friction and stops change the accelerations to v̇ + C x, C being the response to unit forces,
 constraints included. With S = diag(1 for joints that hold, else 0) and A the rows of C at these joints, they stay at
 rest with
 
@@ -93,7 +93,7 @@ class StuckJoints:
         rows, count = list(self.rows), len(self.rows)
         masked = casadi.diag(self.holds * casadi.sqrt(inertia))
         matrix = masked @ response[rows, :] @ masked + casadi.diag(1.0 - self.holds)
-        right = -(masked @ acceleration[rows])
+        right = -(masked @ entries(acceleration, rows))
         if regular:
             return masked @ _solved(matrix, right)
         factored = matrix + REGULARISATION * casadi.SX.eye(count)
@@ -126,11 +126,11 @@ class StuckJoints:
 
         columns = casadi.vec(casadi.densify(response))
         forces = casadi.vertcat(self.least, self.most, self.sliding)
-        return casadi.vertcat(self.velocity, acceleration[list(self.rows)], columns, forces, casadi.vec(self.ends))
+        return casadi.vertcat(self.velocity, entries(acceleration, self.rows), columns, forces, casadi.vec(self.ends))
 
 
 class _Part(NamedTuple):
-    """One of them: bounds of its force, the force of sliding, what is positive while its mode lasts, and ends (1, 3)."""
+    """One of them: bounds of its force, the force of sliding, what is positive while its mode lasts, ends (1, 3)."""
 
     least: casadi.SX
     most: casadi.SX
@@ -160,19 +160,22 @@ def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
     direction, moves, holds, _ = mode
     lower, upper, place = part.end(s, "lower"), part.end(s, "upper"), s.joint(part.joint).position
     above, below = math.isfinite(part.number("lower")), math.isfinite(part.number("upper"))
-    room = (
-        (place - lower) * (upper - place) / (upper - lower)
-        if above and below
-        else place - lower
-        if above
-        else upper - place
-    )
+    room = place - lower if above else upper - place
+    if above and below:
+        room = room * (upper - place) / (upper - lower)
     ends = [lower if above else casadi.SX(-FAR), upper if below else casadi.SX(FAR)]
     none = casadi.SX(0)
     return _Part(
         none, none, none, lambda x: holds * direction * x + moves * room,
         casadi.horzcat(*ends, casadi.SX(part.value(s, "restitution"))),
     )  # fmt: skip
+
+
+def entries(vector: casadi.SX, rows: Sequence[int]) -> casadi.SX:
+    """Entries of a column as a column; casadi's own indices give a row where the column has one entry."""
+    import casadi
+
+    return casadi.vertcat(*[vector[row] for row in rows])
 
 
 def _solved(matrix: casadi.SX, right: casadi.SX) -> casadi.SX:

@@ -60,8 +60,8 @@ class JointStop(JointForce):
 
     @property
     def mode(self) -> HeldSource:
-        """The entries of u that hold its mode: 1 at the lower and −1 at the upper end, where it holds the joint; whether
-        it does not (1 or 0); whether it does; and the impulse of an impact at that instant.
+        """The entries of u that hold its mode: 1 at the lower and −1 at the upper end, where it holds the joint;
+        whether it does not (1 or 0); whether it does; and the impulse of an impact at that instant.
         """
         return held_source(f"mode of {self.name}", [0.0, 1.0, 0.0, 0.0])
 
@@ -107,19 +107,15 @@ def _range(robot: Robot, joint: RobotJoint) -> tuple[float, float]:
 
 def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader) -> Force:
     read.only(("lower", "upper", "restitution", "stiffness", "damping"))
-    unit, ends = joint_unit(joint, "position"), dict(zip(("lower", "upper"), _range(robot, joint), strict=True))
-    given = [key for key in ends if key in read]
-    if given:
-        ends = {key: number(read, key, unit) if key in read else math.copysign(math.inf, v) for key, v in ends.items()}
-        ends = {key: -math.inf if key == "lower" and key not in given else value for key, value in ends.items()}
-        ends = {key: math.inf if key == "upper" and key not in given else value for key, value in ends.items()}
-    lower, upper = ends["lower"], ends["upper"]
+    unit, file = joint_unit(joint, "position"), _range(robot, joint)
+    lower, upper = (
+        number(read, key, unit) if key in read else end for key, end in zip(("lower", "upper"), file, strict=True)
+    )
     if not (math.isfinite(lower) or math.isfinite(upper)):
         raise read.error("lower", f"joint '{joint.name}' has no range in the robot file; give 'lower', 'upper' or both")
     if not lower < upper:
-        raise read.error(
-            given[-1] if given else "lower", f"expected lower < upper, found {lower:g} and {upper:g} {unit}"
-        )
+        key = "lower" if "lower" in read else "upper"
+        raise read.error(key, f"expected lower < upper, found {lower:g} and {upper:g} {unit}")
     name = f"stop_{joint.name}"
     if "stiffness" not in read and "damping" not in read:
         restitution = number(read, "restitution", "", 0.0, NONNEGATIVE)

@@ -24,6 +24,7 @@ from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.system import system_of
+from bellcrank.elements.element import joint_unit
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 LEAST_ATOL = 1e-100  # a smaller one changes nothing, and squares of its fractions would underflow
 BATCH_OUTPUTS = 32  # from so many outputs on they are projected many at a time
+AT_STOP = 1e-9  # rad or m, or of the stop's place, by which a start may be beyond a stop by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +147,7 @@ def prepared_integration(
     q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
     refuse_open_contact(scene, parameters, x0)
+    refuse_start_beyond_stops(scene, parameters, q0)
     # code for many states at once pays off where an evaluation is cheap beside it
     batched = (
         projected
@@ -314,6 +317,22 @@ def refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
     opened = open_contacts(scene, parameters[None], x0[None])
     for text in opened.values():
         raise InputError(f"{scene.source}: {text}")
+
+
+def refuse_start_beyond_stops(scene: Scene, parameters: Array, q0: Array) -> None:
+    """Name a joint that starts beyond its rigid stop (InputError)."""
+    set_by = {target: k for k, parameter in enumerate(scene.parameters.values()) for target in parameter.sets}
+    for stop in scene.stops_of_joints:
+        place = float(q0[stop.joint.q])
+        for end, side in (("lower", 1.0), ("upper", -1.0)):
+            k = set_by.get(f"force.{stop.name}.{end}")
+            at = stop.number(end) if k is None else float(parameters[k])
+            if side * (place - at) < -AT_STOP * max(1.0, abs(at)):
+                unit = joint_unit(stop.joint, "position")
+                raise InputError(
+                    f"{scene.source}: joint '{stop.joint.name}' starts at {place:.9g} {unit}, beyond its {end} stop at "
+                    f"{at:.9g} {unit}; change the start or the stop"
+                )
 
 
 def open_contacts(scene: Scene, parameters: Array, x0: Array) -> dict[int, str]:

@@ -13,8 +13,8 @@ from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.robot.joints import unit_vectors
 from bellcrank.simulation.error_estimate import unasked_accuracy
+from bellcrank.simulation.joint_contacts import contact_rows
 from bellcrank.simulation.reached import left_ranges
-from bellcrank.simulation.stuck_intervals import rest_rows
 
 if TYPE_CHECKING:
     from bellcrank.simulation.events import Event
@@ -89,7 +89,7 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         ("energy at the end", f"kinetic {t:.6g} J, potential {v:.6g} J{work}"),
         *residuals,
     ]
-    rows += rest_rows(run)
+    rows += contact_rows(run)
     rows.append(("error estimate", _error(run)))
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):

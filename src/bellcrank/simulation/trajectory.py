@@ -231,10 +231,59 @@ class Trajectory(StateHistory):
             >>> run.stuck("swing").tolist()
             [[0.0, 1.0]]
         """
-        from bellcrank.simulation.stuck_intervals import stuck_intervals
+        from bellcrank.simulation.joint_contacts import stuck_intervals
 
         arguments.text("joint", joint, "the name of a joint with dry friction")
         return stuck_intervals(self, joint)
+
+    def at_stop(self, joint: str) -> Array:
+        """Return when a stop held a joint.
+
+        Args:
+            joint: The name of a joint with a rigid `stop` in the scene.
+
+        Returns:
+            Beginnings and ends (n, 2) of these intervals, s.
+
+        Raises:
+            InputError: There is no such joint with a rigid stop.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> stop = {"joints": {"swing": {"stop": {"lower": 0.0, "upper": 1.0}}}, "initial.swing": 0.0}
+            >>> bc.simulate("pendulum", duration=1.0, overrides=stop).at_stop("swing").tolist()
+            []
+        """
+        from bellcrank.simulation.joint_contacts import intervals_at_stops
+
+        arguments.text("joint", joint, "the name of a joint with a rigid stop")
+        return intervals_at_stops(self, joint)
+
+    def impacts(self, joint: str) -> Array:
+        """Return a joint's impacts at its stops.
+
+        Args:
+            joint: The name of a joint with a rigid `stop` in the scene.
+
+        Returns:
+            Times, s, and impulses on the joint, N m s or N s, of each impact (n, 2).
+
+        Raises:
+            InputError: There is no such joint with a rigid stop.
+
+        Example:
+            A pendulum of 1 m and 1 kg strikes its stop below at 4.43 m/s:
+
+            >>> import bellcrank as bc
+            >>> stop = {"joints": {"swing": {"stop": {"lower": -2.0, "upper": 0.0}}}}
+            >>> run = bc.simulate("pendulum", duration=1.0, overrides=stop)
+            >>> run.impacts("swing")[0].round(3).tolist()
+            [0.592, -4.429]
+        """
+        from bellcrank.simulation.joint_contacts import impacts_at_stops
+
+        arguments.text("joint", joint, "the name of a joint with a rigid stop")
+        return impacts_at_stops(self, joint)
 
     def constraint_rank(self, row: int = -1) -> ConstraintRank:
         """Compute the rank of the constraints in one row.
@@ -358,9 +407,9 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0).notes
             ()
         """
+        from bellcrank.simulation.joint_contacts import shared_rest
         from bellcrank.simulation.reached import reached_notes
         from bellcrank.simulation.scene_notes import scene_notes
-        from bellcrank.simulation.stuck_intervals import shared_rest
 
         return ranked((*reached_notes(self), *shared_rest(self), *scene_notes(self.scene, self.settings.duration)))
 

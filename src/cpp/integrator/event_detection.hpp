@@ -53,6 +53,12 @@ class Events {
     int sign, hint, unresolved;
   };
   Memory memory(int e) const { return {sign_[e], hint_[e], unresolved_[e]}; }
+  // The side on which a function that was zero before the last step was first seen in it; 0 where it stayed zero.
+  int leaves(int e) const {
+    int seen = 0;
+    for (int i = 1; i <= samples && !seen; ++i) seen = sign(g(i, e));
+    return seen;
+  }
   double value(int e) const { return g_[samples * count_ + e]; }  // at the end of the last step
   void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 

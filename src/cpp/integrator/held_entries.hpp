@@ -61,7 +61,9 @@ class Held {
     if (found == Found::failed) return failed_ = true;
     turn_ = found == Found::terminal ? changes_.end_event() : -1;
     end_ = found == Found::terminal ? changes_.end_time() : stepper.t_old;
-    for (int e = 0; e < count_ && turn_ < 0; ++e)  // one that left zero for the other side
+    for (int e = 0; e < count_; ++e)  // one that left zero for the other side, before any crossing
+      if (before_[e].sign == 0 && changes_.leaves(e) * side(e) < 0) turn_ = e, end_ = stepper.t_old;
+    for (int e = 0; e < count_ && turn_ < 0; ++e)
       if (changes_.memory(e).sign * side(e) < 0) turn_ = e;
     if (turn_ < 0) return true;
     if (end_ - stepper.t_old <= 2 * spacing(stepper.t_old)) end_ = stepper.t_old;
@@ -120,6 +122,7 @@ class Held {
   BoundedForces modes_;
   Buffer found_, fastest_;  // what the kernel found; the largest speed of each joint since it was at rest
   Array<int> resting_, closed_, struck_;
+  int balanced_ = 0;  // of resting_
   Buffer state_, after_;  // after_: velocities of joints after an impact
 
   static Problem functions(const Problem& p) {
@@ -237,12 +240,26 @@ class Held {
       closed_[j] = is_stop(j) ? closed(j, j == cause, f) : 0;
       hits |= closed_[j] * f.velocity[j] < 0;
     }
-    const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit
-    if (hits && (!impact(t, f) || !evaluate(t, state_, f))) return false;
+    const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit; that of a stop is 0
+    if (hits && (!impact(f) || !evaluate(t, state_, f))) return false;
+    balance(cause, gives_way, hits, f);
+    if (rebounds(t, f)) {
+      if (!evaluate(t, state_, f)) return false;
+      balance(cause, gives_way, hits, f);
+      rebounds(t, f);
+    }
+    rested_ = true;
+    return true;
+  }
+
+  // The forces of the joints that are at rest, and their modes.
+  void balance(int cause, bool gives_way, bool hits, const Turn& f) {
+    const int n = h_.mode_count;
     int count = 0;
     for (int j = 0; j < n; ++j) {
-      if (is_stop(j) ? closed_[j] && f.velocity[j] == 0
-                     : !mode(j).moves || j == cause || std::fabs(f.velocity[j]) <= same_instant * fastest_[j])
+      if (is_stop(j) ? closed_[j] && f.velocity[j] == 0 && !(j == cause && gives_way)
+                     : !mode(j).moves || (j == cause && !hits) ||
+                           std::fabs(f.velocity[j]) <= same_instant * fastest_[j])
         resting_[count++] = j;
       else if (is_stop(j)) mode(j) = {0, 1, 0, mode(j).impulse};
       if (closed_[j]) state_[h_.mode_places[j]] = closed_[j] > 0 ? f.place_low[j] : f.place_high[j];
@@ -273,7 +290,41 @@ class Held {
       state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
       turned_[h_.switch_count + j] = 1;
     }
-    rested_ = true;
+    balanced_ = count;
+  }
+
+  // Of joints that leave their stops with a small speed: the time of their flight, so that its end is seen; those whose
+  // rebounds, one after another, would end within rounding of the time are brought to rest. Whether there are any.
+  bool rebounds(double t, const Turn& f) {
+    int count = 0;
+    flight_ = INFINITY;
+    for (int j = 0; j < h_.mode_count; ++j) {
+      double v = state_[h_.mode_rows[j]];
+      if (!(closed_[j] * v > 0)) continue;
+      double pull = f.free[j];
+      for (int l = 0; l < balanced_; ++l) pull += response(f, j, resting_[l]) * (modes_.force[l] - f.sliding[resting_[l]]);
+      pull *= -closed_[j];
+      v *= closed_[j];
+      if (!(pull > 0)) continue;
+      if (2 * v < least_time * larger(1, t) * pull * (1 - f.restitution[j])) {
+        struck_[count++] = j;
+      } else flight_ = smaller(flight_, t + 1.4 * v / pull);
+    }
+    if (flight_ == INFINITY) flight_ = -INFINITY;
+    if (!count) return false;
+    for (int l = 0; l < balanced_; ++l) struck_[count++] = resting_[l];  // which stay at rest
+    double change = 0;
+    for (int k = 0; k < count; ++k) {
+      modes_.right[k] = state_[h_.mode_rows[struck_[k]]], modes_.low[k] = -INFINITY, modes_.high[k] = INFINITY;
+      for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, struck_[k], struck_[l]);
+    }
+    modes_.solve(count);
+    for (int k = 0; k < count; ++k) {
+      change += 0.5 * modes_.force[k] * modes_.right[k];
+      for (int i = 0; i < p_.nv; ++i) state_[p_.nq + i] += f.response[struck_[k] * p_.nv + i] * modes_.force[k];
+    }
+    for (int k = 0; k < count; ++k) state_[h_.mode_rows[struck_[k]]] = 0;
+    if (h_.work_row >= 0) state_[h_.work_row] += change;
     return true;
   }
 
@@ -292,34 +343,20 @@ class Held {
 
   // The impact of the joints at stops that `state_` moves into them: impulses p with v+ = v + C p that leave no joint
   // moving into its stop. By Newton's law v+ = -e v; where that would raise the energy, by Poisson's (Pfeiffer & Glocker,
-  // Multibody Dynamics with Unilateral Contacts, 1996, ch. 8). Rebounds that would end within rounding of the time are not
-  // followed: there the joint rests.
-  bool impact(double t, const Turn& f) {
+  // Multibody Dynamics with Unilateral Contacts, 1996, ch. 8).
+  bool impact(const Turn& f) {
     int count = 0;
     for (int j = 0; j < h_.mode_count; ++j)
       if (closed_[j]) struck_[count++] = j;
     double change = strike(count, f, 1);
     if (change > 0) change = poisson(count, f);
-    bool rests = false;
-    for (int k = 0; k < count; ++k) {
-      const int j = struck_[k];
-      const double rebound = closed_[j] * after_[k], pull = -closed_[j] * f.free[j], e = f.restitution[j];
-      rests |= rebound > 0 && e < 1 && 2 * rebound < least_time * larger(1, t) * pull * (1 - e);
-    }
-    if (rests) change = strike(count, f, 0);
-    flight_ = INFINITY;
-    for (int k = 0; k < count; ++k) {
-      const double rebound = closed_[struck_[k]] * after_[k], pull = -closed_[struck_[k]] * f.free[struck_[k]];
-      if (rebound > 0 && pull > 0) flight_ = smaller(flight_, t + 1.4 * rebound / pull);
-    }
-    if (flight_ == INFINITY) flight_ = -INFINITY;
     if (!(change - change == 0)) return false;
     for (int k = 0; k < count; ++k) {
       for (int i = 0; i < p_.nv; ++i) state_[p_.nq + i] += f.response[struck_[k] * p_.nv + i] * modes_.force[k];
       mode(struck_[k]).impulse = modes_.force[k];
     }
     for (int k = 0; k < count; ++k)
-      if (std::fabs(after_[k]) <= same_instant * std::fabs(f.velocity[struck_[k]])) state_[h_.mode_rows[struck_[k]]] = 0;
+      if (after_[k] == 0) state_[h_.mode_rows[struck_[k]]] = 0;
     if (h_.work_row >= 0) state_[h_.work_row] += change;
     for (int j = 0; j < h_.mode_count; ++j)
       if (!is_stop(j)) {
@@ -355,8 +392,12 @@ class Held {
   double energy(int count, const Turn& f) {
     double change = 0;
     for (int k = 0; k < count; ++k) {
-      after_[k] = f.velocity[struck_[k]];
-      for (int l = 0; l < count; ++l) after_[k] += response(f, struck_[k], struck_[l]) * modes_.force[l];
+      double size = std::fabs(after_[k] = f.velocity[struck_[k]]);
+      for (int l = 0; l < count; ++l) {
+        const double more = response(f, struck_[k], struck_[l]) * modes_.force[l];
+        after_[k] += more, size += std::fabs(more);
+      }
+      if (std::fabs(after_[k]) <= 1e-12 * size) after_[k] = 0;  // rounding
       change += 0.5 * modes_.force[k] * (f.velocity[struck_[k]] + after_[k]);
     }
     return change;

@@ -42,8 +42,8 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
+from bellcrank.simulation.joint_contacts import stuck_intervals
 from bellcrank.simulation.run_csv import titled
-from bellcrank.simulation.stuck_intervals import stuck_intervals
 from bellcrank.simulation.summary import event_consequence, run_facts
 from bellcrank.version import version
 

@@ -1,0 +1,110 @@
+"""When dry friction kept joints at rest in a run, when they met their stops, and whether forces at rest are unique."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.joint_stops import JointStop
+from bellcrank.errors import InputError
+from bellcrank.messages import unknown_name
+from bellcrank.notes import Note
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+SHOWN = 4  # intervals or impacts of a joint in a summary
+
+
+def stuck_intervals(run: Trajectory, joint: str) -> Array:
+    """Beginnings and ends (n, 2), s, of the intervals in which friction held a joint. Raises InputError."""
+    parts = {part.joint.name: part for part in run.scene.dry_friction}
+    if joint not in parts:
+        raise InputError(f"{run.scene.name}: {unknown_name('joint with dry friction', joint, parts)}")
+    time, modes = _modes(run, parts[joint])
+    return _intervals(run, time, modes[:, 1] == 0.0)
+
+
+def intervals_at_stops(run: Trajectory, joint: str) -> Array:
+    """Beginnings and ends (n, 2), s, of the intervals in which a stop held a joint. Raises InputError."""
+    time, modes = _modes(run, _stop(run, joint))
+    return _intervals(run, time, modes[:, 2] == 1.0)
+
+
+def impacts_at_stops(run: Trajectory, joint: str) -> Array:
+    """Times (s) and impulses (N m s or N s) of a joint's impacts at its stops (n, 2). Raises InputError."""
+    time, modes = _modes(run, _stop(run, joint))
+    hits = np.flatnonzero(modes[:, 3])
+    return np.stack([time[hits], modes[hits, 3]], axis=1)
+
+
+def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
+    """(name, value) of a summary: how long each joint with dry friction was stuck, and how it met its stops."""
+    for k, part in enumerate(run.scene.dry_friction):
+        found = stuck_intervals(run, part.joint.name)
+        yield ("stuck" if k == 0 else "", f"{part.joint.name} {_told(run, found) if len(found) else 'never'}")
+    first = True
+    for stop in run.scene.stops_of_joints:
+        hits, held = impacts_at_stops(run, stop.joint.name), intervals_at_stops(run, stop.joint.name)
+        unit = "N s" if stop.joint.kind == "prismatic" else "N m s"
+        texts = []
+        if len(hits):
+            listed = ", ".join(f"{impulse:.6g} {unit} at {time:.6g} s" for time, impulse in hits[:SHOWN].tolist())
+            more = f", … ({len(hits)} in all, the last at {hits[-1, 0]:.6g} s)" if len(hits) > SHOWN else ""
+            texts.append(f"impacts {listed}{more}")
+        if len(held):
+            texts.append(f"held {_told(run, held)}")
+        if texts:
+            yield ("stops" if first else "", f"{stop.joint.name}: {'; '.join(texts)}")
+            first = False
+
+
+def shared_rest(run: Trajectory) -> tuple[Note, ...]:
+    """A note where joints of closed linkages hold each other, so that their forces are not unique."""
+    names = []
+    for part in run.scene.dry_friction:
+        _, modes = _modes(run, part)
+        if ((modes[:, 1] == 0.0) & (modes[:, 2] == 0.0)).any():
+            names.append(part.joint.name)
+    if not names:
+        return ()
+    return (
+        Note(
+            "friction or stops of several joints hold the same linkage, so that the forces of friction at rest, and "
+            f"those of constraints, are not unique; the motion is (joints {', '.join(names)} give way to others)"
+        ),
+    )
+
+
+def _stop(run: Trajectory, joint: str) -> JointStop:
+    parts = {part.joint.name: part for part in run.scene.stops_of_joints}
+    if joint not in parts:
+        raise InputError(f"{run.scene.name}: {unknown_name('joint with a rigid stop', joint, parts)}")
+    return parts[joint]
+
+
+def _told(run: Trajectory, found: Array) -> str:
+    end = float(run.time[-1])
+    listed = [f"from {a:.6g} s to {'the end' if b == end else f'{b:.6g} s'}" for a, b in found[:SHOWN].tolist()]
+    more = f", … ({len(found)} times)" if len(found) > SHOWN else ""
+    return f"for {float(np.sum(found[:, 1] - found[:, 0])):.6g} s: {', '.join(listed)}{more}"
+
+
+def _intervals(run: Trajectory, time: Array, rest: NDArray[np.bool_]) -> Array:
+    padded = np.concatenate([[False], rest, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+    found = np.clip(time[edges], run.time[0], run.time[-1])
+    return found[found[:, 1] > found[:, 0]]
+
+
+def _modes(run: Trajectory, part: DryFriction | JointStop) -> tuple[Array, Array]:
+    """The times (n + 1,), s, between which the mode of a joint (n, 4) lasts (`DryFriction.mode`, `JointStop.mode`)."""
+    signal = run.signals[run.scene.signal_sources.index(part.mode)]
+    time = signal.breaks.copy()
+    time[-1] = np.inf
+    return time, signal.coefficients[:, 0, :]

@@ -1,0 +1,292 @@
+"""Stops of joints: impacts, rest and infinitely many rebounds, against closed forms and dense solutions."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+import bellcrank as bc
+
+G = 9.81
+BLOCK = """<robot name="block"><link name="ground"/><link name="block"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="ground"/><child link="block"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="5" effort="1000" velocity="1000"/></joint></robot>"""
+TIGHT = {"rtol": 1e-12, "atol": 1e-12}
+
+
+@pytest.fixture
+def block(tmp_path):
+    """Makes scenes of a block of 2 kg on a vertical rail from −3 to 5 m."""
+
+    def made(stop=None, **keys):
+        (tmp_path / "block.urdf").write_text(BLOCK)
+        joints = {} if stop is None else {"joints": {"slide": {"stop": stop}}}
+        outputs = {} if stop is not None and "stiffness" in stop else {"f": {"force": "stop_slide"}}
+        scene = {"urdf": "block.urdf", "outputs": outputs, **joints, **keys}
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
+        return bc.load_scene(tmp_path / "scene.yaml")
+
+    return made
+
+
+@pytest.mark.parametrize("e", [0.5, 0.8, 0.9])
+def test_a_bouncing_ball_passes_infinitely_many_impacts_and_rests(block, e):
+    """From h = 1 m: impacts at √(2h/g) (1 + 2 Σ e^k), at rest from √(2h/g) (1 + e)/(1 − e) on."""
+    scene = block({"lower": 0, "restitution": e}, initial={"slide": 1}, simulate={"duration": 10, **TIGHT})
+    run = bc.simulate(scene)
+    first = math.sqrt(2 / G)
+    hits = run.impacts("slide")
+    known = first * (1 + 2 * np.cumsum(np.append(0.0, e ** np.arange(1, len(hits)))))
+    assert hits[:, 0] == pytest.approx(known, abs=1e-9)
+    speeds = math.sqrt(2 * G) * e ** np.arange(len(hits) - 1)
+    assert hits[:-1, 1] == pytest.approx(2 * (1 + e) * speeds, rel=1e-8, abs=1e-9)
+    ((begin, end),) = run.at_stop("slide")
+    assert begin == pytest.approx(first * (1 + e) / (1 - e), abs=1e-9) and end == 10.0
+    rest = run.time > begin
+    assert (run.position[rest] == 0.0).all() and (run.velocity[rest] == 0.0).all()
+    assert run.output("f").ravel()[rest] == pytest.approx(2 * G)
+    assert run.position.min() >= 0.0 and run.energy_drift() < 1e-12 and not run.warnings
+    assert f"({len(hits)} in all" in run.summary()
+
+
+def test_an_elastic_impact_keeps_the_energy_and_a_plastic_one_loses_it(block):
+    elastic = bc.simulate(block({"lower": 0, "restitution": 1}, initial={"slide": 1}), duration=10.0, **TIGHT)
+    energy = elastic.kinetic_energy + elastic.potential_energy
+    assert energy == pytest.approx(energy[0], rel=1e-10) and len(elastic.impacts("slide")) == 11
+    plastic = bc.simulate(block({"lower": 0}, initial={"slide": 1}), duration=2.0, **TIGHT)
+    ((time, impulse),) = plastic.impacts("slide")
+    assert time == pytest.approx(math.sqrt(2 / G), abs=1e-12) and impulse == pytest.approx(2 * math.sqrt(2 * G))
+    assert plastic.work[-1] == pytest.approx(-2 * G) and (plastic.position[plastic.time > time] == 0.0).all()
+
+
+def test_stops_of_the_robot_file_hold_every_joint_that_has_a_range(block):
+    """Thrown upwards: the upper stop at 5 m, then the lower one at −3 m, plastic both."""
+    scene = block(joint_stops="from_file", initial={"velocity": {"slide": 12}}, simulate={"duration": 4, **TIGHT})
+    run = bc.simulate(scene)
+    hits = run.impacts("slide")
+    up = (12 - math.sqrt(144 - 2 * G * 5)) / G
+    assert hits[:, 0] == pytest.approx([up, up + math.sqrt(2 * 8 / G)], abs=1e-11)
+    assert hits[:, 1] == pytest.approx([-2 * math.sqrt(144 - 10 * G), 2 * math.sqrt(16 * G)])
+    assert run.position[-1, 0] == -3.0 and not any("range" in note for note in run.notes)
+
+
+def test_a_held_joint_leaves_its_stop_where_the_force_turns(block):
+    """The load 3 t pulls upwards against the weight: at 2 g / 3 s."""
+    load = [{"kind": "torque", "joint": "slide", "value": "3*t"}]
+    scene = block({"lower": 0}, initial={"slide": 0}, forces=load, simulate={"duration": 8, **TIGHT})
+    run = bc.simulate(scene)
+    assert run.at_stop("slide") == pytest.approx(np.array([[0.0, 2 * G / 3]]), abs=1e-9)
+    after = run.time - 2 * G / 3
+    known = np.where(after > 0, 0.25 * after**3, 0.0)
+    moving = run.impacts("slide")[0, 0] if len(run.impacts("slide")) else math.inf
+    rows = run.time < moving
+    assert run.position[rows, 0] == pytest.approx(known[rows], abs=1e-8)
+
+
+def test_an_elastic_stop_pushes_and_never_pulls(block):
+    """m x'' = −m g + max(0, −k x − d x'): against a stiff spring alone, whose contact lasts half a period."""
+    scene = block({"lower": 0, "stiffness": 2e4}, gravity=[0, 0, 0], initial={"slide": 0.5, "velocity": {"slide": -1}})
+    run = bc.simulate(scene, duration=2.0, **TIGHT)
+    leaves = 0.5 + math.pi / 100  # √(k / m) = 100 rad/s
+    assert run.position[-1, 0] == pytest.approx(2.0 - leaves, abs=1e-9) and run.velocity[-1, 0] == pytest.approx(1.0)
+    damped = block(
+        {"lower": 0, "stiffness": 2e4, "damping": 150}, gravity=[0, 0, 0],
+        initial={"slide": 0.5, "velocity": {"slide": -1}},
+    )  # fmt: skip
+    assert 0.1 < bc.simulate(damped, duration=2.0).velocity[-1, 0] < 0.95
+
+
+def test_friction_and_a_stop_of_one_joint_hold_it_together(block):
+    """Sliding down against friction into the stop: friction ends the motion on the way up again."""
+    scene = block({"lower": 0, "restitution": 0.5}, initial={"slide": 1}, simulate={"duration": 3, **TIGHT})
+    joints = {"slide": {"stop": {"lower": 0, "restitution": 0.5}, "dry_friction": {"coulomb": 5}}}
+    run = bc.simulate(scene.with_overrides({"joints": joints}))
+    down = G - 2.5
+    (time, impulse), *_ = run.impacts("slide")
+    assert time == pytest.approx(math.sqrt(2 / down), abs=1e-11)
+    assert impulse == pytest.approx(2 * 1.5 * math.sqrt(2 * down))
+    assert run.position[-1, 0] == pytest.approx(0.0, abs=1e-12) and run.velocity[-1, 0] == 0.0
+    assert np.diff(run.kinetic_energy + run.potential_energy).max() < 1e-10
+
+
+def arm(folder, rng):
+    """A random arm of 2 to 4 joints under gravity with stops around its start, some with friction."""
+    count = int(rng.integers(2, 5))
+    parts = ['<robot name="arm"><link name="l0"/>']
+    for k in range(count):
+        axis, at = rng.normal(size=3), rng.normal(size=3) * 0.2
+        axis /= np.linalg.norm(axis)
+        parts.append(
+            f'<link name="l{k + 1}"><inertial><origin xyz="{at[0]} {at[1]} {at[2]}"/><mass value="{rng.uniform(0.5, 3)}"/>'
+            '<inertia ixx="0.05" iyy="0.04" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/>'
+            f'<origin xyz="0.3 0 0.1"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/></joint>'
+        )
+    (folder / "arm.urdf").write_text("".join([*parts, "</robot>"]))
+    joints = {}
+    for k in range(count):
+        own = {}
+        if k == 0 or rng.random() < 0.8:
+            own["stop"] = {"lower": float(-rng.uniform(0.1, 1)), "upper": float(rng.uniform(0.1, 1))}
+            own["stop"]["restitution"] = float(rng.choice([0.0, 0.3, 0.7]))
+        if rng.random() < 0.4:
+            own["dry_friction"] = {"coulomb": float(10 ** rng.uniform(-1, 0.5))}
+        if own:
+            joints[f"j{k}"] = own
+    speed = {f"j{k}": float(rng.normal()) for k in range(count)}
+    scene = {
+        "urdf": "arm.urdf", "joints": joints, "initial": {"velocity": speed},
+        "outputs": {f"s{name}": {"force": f"stop_{name}"} for name, own in joints.items() if "stop" in own},
+        "simulate": {"duration": 2, "rtol": 1e-10, "atol": 1e-10, "samples": 101},
+    }  # fmt: skip
+    (folder / "arm.yaml").write_text(yaml.safe_dump(scene))
+    return folder / "arm.yaml"
+
+
+def check_arm(folder, seed):
+    """Within its stops, energy never rises, stops push only, and the first impact is that of a dense solution."""
+    path = arm(folder, np.random.default_rng(seed))
+    scene = bc.load_scene(path)
+    run = bc.simulate(scene)
+    assert run.success, run.reason
+    energy = run.kinetic_energy + run.potential_energy
+    assert np.diff(energy).max() <= 1e-7 * (1 + np.abs(energy).max()) and run.energy_drift() < 1e-7
+    hits = []
+    for stop in scene.stops_of_joints:
+        q, v = run.position[:, stop.joint.q], run.velocity[:, stop.joint.v]
+        assert q.min() >= stop.lower - 1e-9 and q.max() <= stop.upper + 1e-9
+        force = run.output(f"s{stop.joint.name}").ravel()
+        assert (force[q < 0] >= -1e-9).all() and (force[q > 0] <= 1e-9).all()
+        for begin, end in run.at_stop(stop.joint.name):
+            rows = (run.time > begin) & (run.time < end)
+            assert (v[rows] == 0.0).all() and np.isin(q[rows], [stop.lower, stop.upper]).all()
+        assert (force[(q != stop.lower) & (q != stop.upper)] == 0.0).all()
+        hits += [(*hit, stop) for hit in run.impacts(stop.joint.name).tolist()]
+    if not hits:
+        return 0
+    time, impulse, stop = min(hits, key=lambda hit: hit[0])
+    if sum(hit[0] == time for hit in hits) > 1 or time < 1e-6:
+        return len(hits)
+    before = bc.simulate(scene, duration=time * (1 - 1e-12), times=[0.0, time * (1 - 1e-12)])
+    held = [
+        k for k in scene.stops_of_joints if len(run.at_stop(k.joint.name)) and run.at_stop(k.joint.name)[0, 0] < time
+    ]
+    if not held:
+        inverse, j = np.linalg.inv(scene.robot.mass_matrix(before.position[-1])), stop.joint.v
+        known = -(1 + stop.restitution) * before.velocity[-1, j] / inverse[j, j]
+        assert impulse == pytest.approx(known, rel=1e-7)
+    return len(hits)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_random_arm_stays_within_its_stops_and_loses_energy(tmp_path, seed):
+    assert check_arm(tmp_path, seed) > 0
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize("first", range(100, 300, 50))
+def test_random_arms_stay_within_their_stops_and_lose_energy(tmp_path, first):
+    assert sum(check_arm(tmp_path, seed) for seed in range(first, first + 50)) > 100
+
+
+def test_a_linkage_strikes_a_stop_with_the_impulse_of_the_dense_kkt_system(tmp_path):
+    """The four-bar under gravity, its rocker's stop: M Δv = Jᵀ Λ + S p with J v⁺ = 0 and v⁺ = −e v⁻ at the stop."""
+    scene = dict(bc.load_scene("four_bar").data)
+    for key in ("forces", "events", "outputs"):
+        scene.pop(key)
+    scene |= {"gravity": [0, -9.81, 0], "joints": {"rocker": {"stop": {"lower": 0.3, "upper": 3, "restitution": 0.4}}}}
+    scene |= {"initial": {"crank": "50 deg", "coupler": {"guess": "310 deg"}, "rocker": {"guess": "50 deg"}}}
+    scene["simulate"] = {"duration": 3, "rtol": 1e-12, "atol": 1e-12}
+    path = tmp_path / "loop.yaml"
+    path.write_text(yaml.safe_dump(scene))
+    run = bc.simulate(path)
+    time, impulse = run.impacts("rocker")[0]
+    before = bc.simulate(path, duration=time * (1 - 1e-13), times=[0.0, time * (1 - 1e-13)])
+    robot, q, v = run.robot, before.position[-1], before.velocity[-1]
+    columns = []
+    for unit in np.eye(3):
+        tips = [robot.frame_velocity(name, q, unit)[0] for name in ("coupler_tip", "rocker_tip")]
+        columns.append((tips[0] - tips[1])[:2])
+    jacobian, j = np.array(columns).T, robot.joint("rocker").v
+    rows = np.vstack([jacobian, np.eye(3)[j]])
+    system = np.block([[robot.mass_matrix(q), -rows.T], [rows, np.zeros((3, 3))]])
+    wanted = np.concatenate([robot.mass_matrix(q) @ v, [0.0, 0.0, -0.4 * v[j]]])
+    known = np.linalg.solve(system, wanted)
+    assert impulse == pytest.approx(known[-1], rel=1e-10)
+    assert run.constraint_residual() < 1e-9 and run.velocity_residual() < 1e-9 and run.energy_drift() < 1e-9
+    assert run.position[:, robot.joint("rocker").q].min() >= 0.3 - 1e-12
+
+
+def test_a_saved_run_keeps_its_impacts(block, tmp_path):
+    run = bc.simulate(block({"lower": 0, "restitution": 0.5}, initial={"slide": 1}), duration=5.0)
+    again = bc.load_run(run.save(tmp_path / "run.npz"))
+    assert np.array_equal(again.impacts("slide"), run.impacts("slide"))
+    assert np.array_equal(again.at_stop("slide"), run.at_stop("slide"))
+
+
+@pytest.mark.parametrize("solver", ["RK45", "RK4", "Radau"])
+def test_other_methods_pass_the_impacts_too(block, solver):
+    scene = block({"lower": 0, "restitution": 0.5}, initial={"slide": 1})
+    step = {"step": 0.01} if solver == "RK4" else {"rtol": 1e-10, "atol": 1e-10}
+    run = bc.simulate(scene, duration=3.0, solver=solver, **step)
+    assert run.at_stop("slide")[0, 0] == pytest.approx(3 * math.sqrt(2 / G), abs=1e-8)
+
+
+def test_ends_of_stops_are_parameters(block):
+    keys = {"parameters": {"floor": {"value": 0, "sets": ["forces.stop_slide.lower"]}}, "initial": {"slide": 1}}
+    swept = bc.sweep(block({"restitution": 0}, **keys), {"floor": [0.0, 0.25]}, threads=1)
+    assert swept.column("end.slide").tolist() == [0.0, 0.25]
+
+
+WRONG = {
+    "restitution above 1": ({"restitution": 1.5}, "expected 0 to 1, found 1.5"),
+    "wrong order": ({"lower": 2, "upper": 1}, "expected lower < upper, found 2 and 1 m"),
+    "both kinds": ({"restitution": 0.5, "stiffness": 100}, "has no restitution; give one of the two"),
+    "damping alone": ({"damping": 5}, "stiffness"),
+    "unknown key": ({"bounce": 1}, "bounce"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_stops_are_refused_in_one_sentence(block, case):
+    stop, said = WRONG[case]
+    with pytest.raises(bc.InputError, match=r"scene.yaml: joints\.slide\.stop") as found:
+        block(stop)
+    assert said in str(found.value) and "\n" not in str(found.value)
+
+
+def test_a_start_beyond_a_stop_and_a_joint_without_a_range_are_refused(block, tmp_path):
+    with pytest.raises(bc.InputError, match="joint 'slide' starts at -1 m, beyond its lower stop at 0 m"):
+        bc.simulate(block({"lower": 0}, initial={"slide": -1}))
+    (tmp_path / "scene.yaml").write_text("urdf: pendulum\njoints: {swing: {stop: {}}}\n")
+    with pytest.raises(bc.InputError, match="joint 'swing' has no range in the robot file"):
+        bc.load_scene(tmp_path / "scene.yaml")
+
+
+def test_a_joint_that_mimics_another_has_no_stop(tmp_path):
+    urdf = (
+        '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+        'ixy="0" ixz="0" iyz="0"/></inertial></link><link name="c"/><joint name="one" type="continuous"><parent link="a"/>'
+        '<child link="b"/></joint><joint name="two" type="continuous"><parent link="b"/><child link="c"/>'
+        '<mimic joint="one"/></joint></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+    for entry in ("stop: {lower: 0}", "dry_friction: {coulomb: 1}"):
+        (tmp_path / "scene.yaml").write_text(f"urdf: r.urdf\njoints: {{two: {{{entry}}}}}\n")
+        with pytest.raises(bc.InputError, match="'two'"):
+            bc.load_scene(tmp_path / "scene.yaml")
+
+
+@pytest.mark.parametrize("function", [bc.linearise, bc.scene_casadi, bc.scene_derivatives])
+def test_what_needs_smooth_equations_refuses_stops(block, function):
+    with pytest.raises(bc.InputError, match="stop"):
+        function(block({"lower": 0}, initial={"slide": 1}))
+
+
+def test_unknown_joints_of_impacts_are_refused(block):
+    run = bc.simulate(block({"lower": 0}, initial={"slide": 1}), duration=0.1)
+    for function in (run.impacts, run.at_stop):
+        with pytest.raises(bc.InputError, match="joint with a rigid stop 'elbow'"):
+            function("elbow")
