@@ -214,7 +214,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     run = bc.simulate(pendulum, duration=0.01, samples=3, sensitivities=["initial.swing"])
     locking = bc.simulate(four_bar, samples=3, sensitivities=["crank_length"]).sensitivity("crank_length")
     closed_run = bc.simulate(four_bar, duration=0.01, samples=3)
-    sticking = bc.simulate("pendulum", 0.1, overrides={"joints": {"swing": {"dry_friction": {"coulomb": 20.0}}}})
+    sticking = bc.simulate(
+        "pendulum",
+        0.1,
+        overrides={"joints": {"swing": {"dry_friction": {"coulomb": 20.0}, "stop": {"lower": -2.0, "upper": 2.0}}}},
+    )
     sizing = bc.size(robot, motion, {"shoulder": actuator})
     sized = bc.size(four_bar, "unfold")
     swept = bc.sweep(pendulum, {"simulate.rtol": [1e-6, 1e-7]}, overrides={"simulate.duration": 0.01})
@@ -435,7 +439,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              remember_sensitivities={"known": run.computed_sensitivities}, sensitivity={"name": "initial.swing"},
              save={"path": "r.npz"}, summary={},
              to_csv={"path": "r.csv", "progress": None}, velocity_residual={}),
-        **of(sticking, stuck={"joint": "swing"}),
+        **of(sticking, stuck={"joint": "swing"}, at_stop={"joint": "swing"}, impacts={"joint": "swing"}),
         **of(locking, event={"name": "lock", "occurrence": 0}, output={"name": "energy"}, per={"unit": "m"},
              to_csv={"path": "s.csv"}),
         **of(swept, column={"measure": "end.time"}, grid={"measure": "end.time"},

@@ -128,7 +128,9 @@ def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader
     stiffness = number(read, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
     damping = number(read, "damping", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
     read.done()
-    return JointLoad.read(name, Fields(_elastic(joint.name, lower, upper, stiffness, damping), read.where), formulas)
+    return JointLoad.read(
+        name, Fields(_elastic(joint.name, lower, upper, stiffness, damping), read.where, "forces[0]"), formulas
+    )
 
 
 def _elastic(name: str, lower: float, upper: float, stiffness: float, damping: float) -> dict[str, Any]:

@@ -285,11 +285,16 @@ class Held {
         m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
       } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, 0};
       else if (!modes_.can_move(k, count)) m = {direction, 0, 0, 0};
-      else if (gives_way || modes_.moves(k, count)) m = {direction, 1, 0, 0};
+      else if ((gives_way && !is_stop(cause)) || modes_.moves(k, count)) m = {direction, 1, 0, 0};
       else m = {0, 0, 1, 0};
       state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
       turned_[h_.switch_count + j] = 1;
     }
+    for (int j = 0; j < n; ++j)  // friction that gives way towards the joint's own stop: from there on the stop holds
+      for (int k = 0; k < n; ++k)
+        if (!is_stop(j) && mode(j).moves && state_[h_.mode_rows[j]] == 0 && closed_[k] &&
+            h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0)
+          mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
     balanced_ = count;
   }
 
