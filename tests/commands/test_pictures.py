@@ -35,6 +35,7 @@ def test_a_figure_is_as_it_was_after_it_was_saved():
     assert (figure.dpi, type(figure.get_layout_engine())) == before
 
 
+@pytest.mark.tier2
 def test_pictures_that_two_processes_draw_are_those_of_one(tmp_path):
     subprocess.run(
         [sys.executable, "-m", "bellcrank", "size", "planar_2r", "--out", str(tmp_path / "two")],

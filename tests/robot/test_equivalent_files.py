@@ -21,6 +21,7 @@ def placements(robot, names):
 # ---- <replicate>
 
 
+@pytest.mark.tier2
 def test_copies_stand_where_mujoco_places_them(tmp_path):
     """100 random files; MuJoCo's figures are stored with 11 digits."""
     assert REPLICATE["source"].startswith("MuJoCo") and len(REPLICATE["cases"]) == 100
