@@ -6,6 +6,7 @@ import pytest
 from bellcrank.errors import InputError
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.measurements import hard_cases
+from bellcrank_bench.measurements.friction_and_stops import friction_and_stops
 from bellcrank_bench.problems.checks import Check
 from bellcrank_bench.problems.free_body import INERTIA, spin_closed_form
 from bellcrank_bench.problems.light_cart_pole import reference
@@ -56,7 +57,7 @@ def test_an_unknown_problem_is_refused_with_what_there_is():
 def test_the_hard_cases_name_every_problem_and_its_seconds(monkeypatch):
     few = {name: problem(name) for name in ("upright_pendulum", "middle_axis_flips")}
     monkeypatch.setattr(hard_cases, "PROBLEMS", few)
-    for slow in ("chain_speed", "loop_speed", "first_runs", "compile_time"):
+    for slow in ("friction_and_stops", "chain_speed", "loop_speed", "first_runs", "compile_time"):
         monkeypatch.setattr(hard_cases, slow, lambda: [Check("time", 1.0, 2.0, "s")])
     begun = []
     cases = hard_cases.hard_cases(begun.append)
@@ -64,6 +65,13 @@ def test_the_hard_cases_name_every_problem_and_its_seconds(monkeypatch):
     assert begun[:2] == ["upright_pendulum", "middle_axis_flips"] and "first_runs" in begun
     assert all(check.passed for case in cases for check in case.checks)
     assert all(case.seconds >= 0.0 for case in cases)
+
+
+@pytest.mark.tier2
+def test_friction_and_stops_follow_their_closed_forms():
+    checks = friction_and_stops()
+    assert len([check for check in checks if check.unit == "s"]) == 3
+    assert all(check.passed for check in checks if check.unit == "s")
 
 
 # ---- the references themselves

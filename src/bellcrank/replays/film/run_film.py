@@ -42,7 +42,7 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
-from bellcrank.simulation.joint_contacts import stuck_intervals
+from bellcrank.simulation.joint_contacts import impacts_at_stops, intervals_at_stops, stuck_intervals
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts
 from bellcrank.version import version
@@ -212,13 +212,20 @@ def _timeline_events(run: Trajectory, events: Sequence[Event], end: float) -> tu
 
 
 def _sticking(run: Trajectory, end: float) -> Iterator[TimelineEvent]:
-    """When joints with dry friction stick, and begin to slide again."""
+    """When joints with dry friction stick and begin to slide again, and when others strike, and leave, their stops."""
     for part in run.scene.dry_friction:
         name = part.joint.name
         for begun, over in stuck_intervals(run, name)[:MOST_EVENTS].tolist():
             yield TimelineEvent(begun, f"{name} sticks")
             if over < end:
                 yield TimelineEvent(over, f"{name} slides")
+    for stop in run.scene.stops_of_joints:
+        name = stop.joint.name
+        for time, _ in impacts_at_stops(run, name)[:MOST_EVENTS].tolist():
+            yield TimelineEvent(time, f"{name} strikes its stop")
+        for _, over in intervals_at_stops(run, name)[:MOST_EVENTS].tolist():
+            if over < end:
+                yield TimelineEvent(over, f"{name} leaves its stop")
 
 
 def _event_text(run: Trajectory, event: Event) -> str:
