@@ -67,7 +67,7 @@ def _scipy_seconds() -> float:
         return float(x[1])
 
     def gives_way(t: float, x: Any) -> float:
-        return 1.0 - abs(x[0] + BELT * t)
+        return float(1.0 - abs(x[0] + BELT * t))
 
     for event in (stops, gives_way):
         event.terminal = True  # type: ignore[attr-defined]
