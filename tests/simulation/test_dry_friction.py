@@ -354,3 +354,15 @@ def test_unknown_joints_of_stuck_are_refused(block):
     run = bc.simulate(block({"coulomb": 1}), duration=0.1)
     with pytest.raises(bc.InputError, match="joint with dry friction 'elbow'"):
         run.stuck("elbow")
+
+
+def test_a_load_that_approaches_the_limit_without_passing_it_ends_in_rest(tmp_path):
+    """Motors with PD control move a five-bar slower and slower, until friction takes all of their torque."""
+    scene = dict(bc.load_scene("five_bar").data)
+    names = ("left_elbow", "left_motor", "right_motor")
+    scene |= {"joints": {name: {"dry_friction": {"coulomb": 0.5}} for name in names}, "outputs": {}, "events": []}
+    scene["simulate"] = {"duration": 1.5, "rtol": 1e-9, "atol": 1e-9}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
+    run = bc.simulate(tmp_path / "scene.yaml")
+    assert run.success and np.abs(run.velocity[-1]).max() < 1e-8
+    assert run.energy_drift() < 1e-6

@@ -140,15 +140,15 @@ class _Part(NamedTuple):
 
 
 def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
-    """While it slides d v is positive, else 1 − (x / limit)²."""
+    """While it slides d v is positive, else 1 − (x / limit)², with the slack that a run allows."""
     import casadi
 
-    direction, moves, _, _ = mode
+    direction, moves, _, slack = mode
     limit, velocity = part.limit(s), s.joint(part.joint).velocity
 
     def lasts(x: casadi.SX) -> casadi.SX:
         share = x / limit
-        return moves * direction * velocity + (1.0 - moves) * (1.0 - share * share)
+        return moves * direction * velocity + (1.0 - moves) * (1.0 + slack - share * share)
 
     return _Part(-limit, limit, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
 

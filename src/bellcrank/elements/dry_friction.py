@@ -78,7 +78,8 @@ class DryFriction(JointForce):
         whether the joint moves; and whether its force is what keeps it at rest (1 or 0).
 
         In a closed linkage that other joints hold, a joint may be at rest with its largest force (d is 1 or −1) or
-        with none (d is 0). The last entry is that of stops (joint_stops.py).
+        with none (d is 0). The last entry is by how much (x / limit)² may exceed 1: more than 0, up to 1e-6, only
+        where the load is the limit up to rounding, so that the joint would stick and slide without end.
         """
         return held_source(f"mode of {self.name}", [0.0, 0.0, 1.0, 0.0])
 

@@ -91,7 +91,7 @@ class Held {
   static constexpr double same_instant = 1e-9;  // of its largest speed: a joint that comes to rest with another one
   static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
   static constexpr double least_time = 1e-10;   // of the time: rebounds that would end sooner are not followed
-  static constexpr int most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
+  static constexpr int few_quick = 3, most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
 
   // What `changes_` finds is asked for directly.
   struct Silent final : Record {
@@ -134,7 +134,7 @@ class Held {
   double due(int k) const { return h_.updates[k].first + static_cast<double>(done_[k]) * h_.updates[k].period; }
   double side(int e) { return e < h_.switch_count ? rhs_.held()[e] : 1.0; }
   // Of dry friction: the direction of motion, against which the force acts; whether the joint moves; whether its force
-  // follows from rest. Of a stop: 1 at the lower and -1 at the upper one, where it holds the joint; the impulse of an impact
+  // follows from rest; `slack`. Of a stop: 1 at the lower and -1 at the upper one, where it holds the joint; the impulse of an impact
   // at this instant.
   struct Mode {
     double direction, moves, holds, impulse;
@@ -234,7 +234,8 @@ class Held {
     Turn f;
     if (!evaluate(t, x, f)) return false;
     if (x != state_) std::memcpy(state_, x, p_.n * sizeof(double));
-    for (int j = 0; j < n; ++j) mode(j).impulse = 0;
+    for (int j = 0; j < n; ++j)
+      if (is_stop(j)) mode(j).impulse = 0;
     bool hits = false;
     for (int j = 0; j < n; ++j) {
       closed_[j] = is_stop(j) ? closed(j, j == cause, f) : 0;
@@ -283,8 +284,9 @@ class Held {
       if (is_stop(j)) {
         const bool holds = !modes_.at_limit(k) && modes_.holds(k);
         m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
-      } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, 0};
+      } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, slack(j)};
       else if (!modes_.can_move(k, count)) m = {direction, 0, 0, 0};
+      else if (slack(j) > 0 && !modes_.moves(k, count)) m = {0, 0, 1, slack(j)};
       else if ((gives_way && !is_stop(cause)) || modes_.moves(k, count)) m = {direction, 1, 0, 0};
       else m = {0, 0, 1, 0};
       state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
@@ -331,6 +333,13 @@ class Held {
     for (int k = 0; k < count; ++k) state_[h_.mode_rows[struck_[k]]] = 0;
     if (h_.work_row >= 0) state_[h_.work_row] += change;
     return true;
+  }
+
+  // By how much the square of a friction force at rest may exceed that of its limit, relative to it. More than 0 only where
+  // the load is the limit up to rounding, so that the joint would stick and slide without end.
+  double slack(int j) const {
+    const int quick = quick_[h_.switch_count + j];
+    return quick < few_quick ? 0 : quick < few_quick + 4 ? std::pow(10.0, quick - few_quick - 9) : 1e-6;
   }
 
   // The stop at which a joint is: 1 the lower one, -1 the upper one, 0 none.
