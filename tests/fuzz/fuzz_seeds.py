@@ -189,6 +189,17 @@ SCENE: dict[str, Any] = {
     },
     "simulate": {"duration": 0.1, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
 }
+HELD: dict[str, Any] = {
+    **SCENE,
+    "joint_stops": "from_file",
+    "joints": {
+        "shoulder": {"dry_friction": {"coulomb": 4, "static": 6, "speed": 0.05, "law": "hyperbolic", "viscous": 0.5}},
+        "elbow": {
+            "dry_friction": {"coulomb": "2 N m"},
+            "stop": {"lower": 0.2, "upper": "30 deg", "restitution": 0.4},
+        },
+    },
+}
 LOOP: dict[str, Any] = {
     "urdf": "four_bar",
     "frames": {"a": {"link": "coupler_link", "xyz": [1.2, 0, 0]}, "b": {"link": "rocker_link", "xyz": [1.2, 0, 0]}},

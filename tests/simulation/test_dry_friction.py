@@ -366,3 +366,10 @@ def test_a_load_that_approaches_the_limit_without_passing_it_ends_in_rest(tmp_pa
     run = bc.simulate(tmp_path / "scene.yaml")
     assert run.success and np.abs(run.velocity[-1]).max() < 1e-8
     assert run.energy_drift() < 1e-6
+
+
+def test_a_run_that_cannot_begin_is_refused(block):
+    """Forces beyond all numbers at the start: no mode was found."""
+    spring = {"kind": "spring", "frame_a": "block", "frame_b": "world", "point": [1e308, 0, 0], "stiffness": 40}
+    with pytest.raises(bc.InputError, match="not finite at the start"):
+        bc.simulate(block({"coulomb": 1}, forces=[{**spring, "free_length": 0.5}]), duration=0.1)

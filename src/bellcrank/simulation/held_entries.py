@@ -82,5 +82,8 @@ def found_signals(scene: Scene, result: StepResult) -> tuple[Signal, ...]:
     widths = [source.width for source in scene.held_sources]
     if not widths:
         return ()
-    parts = np.split(np.asarray(result.held_values), np.cumsum(widths)[:-1], axis=1)
-    return tuple(found_signal(np.array(result.held_time), np.ascontiguousarray(part)) for part in parts)
+    time, values = np.array(result.held_time), np.asarray(result.held_values)
+    if not len(time):  # the run ended where it began
+        time, values = np.zeros(1), np.concatenate([source.start for source in scene.held_sources])[None]
+    parts = np.split(values, np.cumsum(widths)[:-1], axis=1)
+    return tuple(found_signal(time, np.ascontiguousarray(part)) for part in parts)
