@@ -39,7 +39,7 @@ void set(BoundedForces& m, int n, int rank, Random& random) {
   }
 }
 
-// x'' = -x + τ of a block on a rail, whose modes are the first three held entries.
+// x'' = -x + τ of a block on a rail, whose mode is in the held entries: direction, moves, holds, slack.
 constexpr double mu = 0.15;
 double friction(const double* const* in) { return in[2][2] ? in[1][0] : -mu * in[2][0]; }
 std::int32_t block(const double* const* in, double* const* out) {
@@ -50,11 +50,28 @@ std::int32_t block_slope(const double* const* in, double* const* out) {
 }
 std::int32_t block_switch(const double* const* in, double* const* out) {
   const double share = in[2][2] * in[1][0] / mu;
-  return out[0][0] = in[2][1] ? in[2][0] * in[1][1] : 1 - share * share, 0;
+  return out[0][0] = in[2][1] ? in[2][0] * in[1][1] : 1 + in[2][3] - share * share, 0;
 }
 std::int32_t block_turn(const double* const* in, double* const* out) {
   const double sliding = in[2][2] ? 0 : -mu * in[2][0];
-  return out[0][0] = in[1][1], out[0][1] = -in[1][0] + sliding, out[0][2] = 1, out[0][3] = mu, out[0][4] = sliding, 0;
+  const double found[] = {in[1][1], -in[1][0] + sliding, 1, -mu, mu, sliding, 0, 0, 0, 1};
+  return std::copy(found, found + 10, out[0]), 0;
+}
+
+// x'' = -g of a ball above a stop at 0 with a restitution of 0.8; its mode: side, free, held, impulse.
+constexpr double g = 9.81, bounce = 0.8;
+std::int32_t ball(const double* const* in, double* const* out) {
+  return out[0][0] = in[1][1], out[0][1] = in[2][1] ? -g : 0, out[0][2] = 0, 0;
+}
+std::int32_t ball_slope(const double* const*, double* const* out) {
+  return std::fill(out[0], out[0] + 9, 0.0), out[0][3] = 1, 0;
+}
+std::int32_t ball_switch(const double* const* in, double* const* out) {
+  return out[0][0] = in[2][2] ? g : in[1][0], 0;
+}
+std::int32_t ball_turn(const double* const* in, double* const* out) {
+  const double found[] = {in[1][1], -g, 1, 0, 0, 0, 0, 1e300, bounce, 1};
+  return std::copy(found, found + 10, out[0]), 0;
 }
 
 struct Holds final : Record {
@@ -74,15 +91,49 @@ struct Holds final : Record {
   bool look(double, const double*, const Counts&, std::int64_t* attempts) override { return *attempts = 1000, false; }
 };
 
+constexpr int friction_kind[] = {0}, stop_kind[] = {1}, velocity_row[] = {1}, position_row[] = {0};
+
+template <class Stepper>
+void check_ball(double accuracy) {
+  const Numbers first{1, 0, 0}, start{0, 1, 0, 0};
+  Problem p = plain_problem(ball, first, 0, 10);
+  p.nq = p.nv = 1;
+  KnownDerivatives derivatives(ball_slope);
+  p.derivatives = &derivatives;
+  p.held.count = p.signal_entries = 4, p.held.start = start.data();
+  p.held.mode_count = 1, p.held.mode_kinds = stop_kind, p.held.mode_rows = velocity_row;
+  p.held.mode_places = position_row, p.held.work_row = 2;
+  p.held.turn = ball_turn, p.held.switches = ball_switch;
+  Holds found(p);
+  Counts counts;
+  CHECK(IntegrationLoop<Stepper>(p, found, counts)() == Status::finished);
+  const double fall = std::sqrt(2 / g);
+  double time = fall, flight = 2 * fall * bounce;
+  int impacts = 0;
+  for (const auto& [when, mode] : found.holds) {
+    if (mode[3] == 0) continue;
+    CHECK(std::fabs(when - time) < accuracy);
+    time += flight, flight *= bounce, ++impacts;
+  }
+  CHECK(impacts > 80);
+  CHECK(found.holds.back().second[2] == 1.0);
+  CHECK(std::fabs(found.holds.back().first - fall * (1 + bounce) / (1 - bounce)) < accuracy);
+  CHECK(found.end_state[0] == 0.0);
+  CHECK(found.end_state[1] == 0.0);
+  CHECK(std::fabs(found.end_state[2] + g) < 1e-9);  // all of the energy is work of the impacts
+}
+
 template <class Stepper>
 void check_block(double accuracy) {
-  const Numbers first{1, 0}, start{0, 0, 1};
-  const int rows[] = {1};
+  const Numbers first{1, 0}, start{0, 0, 1, 0};
   Problem p = plain_problem(block, first, 0, 20);
+  p.nq = p.nv = 1;
   KnownDerivatives derivatives(block_slope);
   p.derivatives = &derivatives;
-  p.held.count = p.signal_entries = 3, p.held.start = start.data();
-  p.held.mode_count = 1, p.held.mode_rows = rows, p.held.turn = block_turn, p.held.switches = block_switch;
+  p.held.count = p.signal_entries = 4, p.held.start = start.data();
+  p.held.mode_count = 1, p.held.mode_kinds = friction_kind, p.held.mode_rows = velocity_row;
+  p.held.mode_places = position_row, p.held.work_row = -1;
+  p.held.turn = block_turn, p.held.switches = block_switch;
   Holds found(p);
   Counts counts;
   CHECK(IntegrationLoop<Stepper>(p, found, counts)() == Status::finished);
@@ -90,7 +141,7 @@ void check_block(double accuracy) {
   const double pi = 3.141592653589793;
   for (int k = 0; k < 4; ++k) {
     CHECK(std::fabs(found.holds[k].first - k * pi) < accuracy);
-    CHECK(found.holds[k].second == (k == 3 ? Numbers{0, 0, 1} : Numbers{k % 2 ? 1.0 : -1.0, 1, 0}));
+    CHECK(found.holds[k].second == (k == 3 ? Numbers{0, 0, 1, 0} : Numbers{k % 2 ? 1.0 : -1.0, 1, 0, 0}));
   }
   CHECK(std::fabs(found.end_state[0] + 0.1) < accuracy);
   CHECK(found.end_state[1] == 0.0);
@@ -137,4 +188,9 @@ TEST_CASE("a load at the limit of a joint alone can move it") {
 TEST_CASE("a Coulomb oscillator sticks as its closed form says") {
   check_block<ExplicitRungeKutta<Dop853, 1>>(1e-6);
   check_block<ExplicitRungeKutta<DormandPrince, 1>>(1e-5);
+}
+
+TEST_CASE("a ball passes infinitely many impacts and rests as its closed form says") {
+  check_ball<ExplicitRungeKutta<Dop853, 1>>(1e-8);
+  check_ball<Radau<1>>(1e-8);
 }

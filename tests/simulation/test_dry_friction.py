@@ -373,3 +373,20 @@ def test_a_run_that_cannot_begin_is_refused(block):
     spring = {"kind": "spring", "frame_a": "block", "frame_b": "world", "point": [1e308, 0, 0], "stiffness": 40}
     with pytest.raises(bc.InputError, match="not finite at the start"):
         bc.simulate(block({"coulomb": 1}, forces=[{**spring, "free_length": 0.5}]), duration=0.1)
+
+
+def test_a_joint_whose_motion_is_prescribed_rubs_and_does_not_stick(block):
+    """Through rest and reversal: the friction is against the motion, and the drive bears it."""
+    scene = block(
+        {"coulomb": 2},
+        motions={"back": {"kind": "waypoints", "times": [0, 1, 2], "positions": [{}, {"slide": 1}, {}]}},
+        constraints=[{"name": "drive", "kind": "prescribed_motion", "joint": "slide", "motion": "back"}],
+        outputs={"friction": {"force": "dry_friction_slide"}},
+        simulate={"duration": 2, "samples": 41, "rtol": 1e-10, "atol": 1e-10},
+    )
+    run, motion = bc.simulate(scene), scene.motion("back")
+    known = np.interp(run.time, motion.time, motion.position[:, 0])
+    assert run.success and run.position[:, 0] == pytest.approx(known, abs=1e-5)  # rows of the motion, in lines
+    inside = np.abs(run.velocity[:, 0]) > 1e-6
+    assert run.output("friction").ravel()[inside] == pytest.approx(-2 * np.sign(run.velocity[inside, 0]))
+    assert np.abs(run.velocity[:, 0]).max() > 1.0 and len(run.stuck("slide")) == 0

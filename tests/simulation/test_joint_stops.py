@@ -292,3 +292,13 @@ def test_unknown_joints_of_impacts_are_refused(block):
     for function in (run.impacts, run.at_stop):
         with pytest.raises(bc.InputError, match="joint with a rigid stop 'elbow'"):
             function("elbow")
+
+
+def test_a_joint_whose_motion_is_prescribed_has_no_stop(block):
+    keys = {
+        "motions": {"up": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"slide": 1}]}},
+        "constraints": [{"name": "drive", "kind": "prescribed_motion", "joint": "slide", "motion": "up"}],
+    }
+    with pytest.raises(bc.InputError, match="joint 'slide' follows a prescribed motion, which no stop ends"):
+        block({"lower": 0}, **keys)
+    assert block(joint_stops="from_file", **keys).stops_of_joints == ()

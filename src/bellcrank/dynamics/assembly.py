@@ -165,7 +165,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
             joints = _stuck_joints(scene, s)
             response, inertia = s.response(joints.rows), entries(casadi.diag(mass_matrix(s)), joints.rows)
             forces = joints.forces(acceleration, response, inertia, regular=True)
-            held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response))
+            held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response, inertia))
             acceleration = joints.at_rest(acceleration + response @ forces)
     for k, part in enumerate(held_parts):
         s.holding[part.name] = held.forces[k]
@@ -259,7 +259,7 @@ def _with_stuck_joints(solution: ConstrainedSolution, joints: StuckJoints) -> tu
     plain, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in unit])
     slow, forces = held(solution.proximal, regular)
     quick = casadi.horzcat(*[solution.proximal_factor.solve(e, none)[1] for e in unit])
-    turn = joints.turn(solution.proximal.acceleration, casadi.horzcat(*[a for a, _ in regular]))
+    turn = joints.turn(solution.proximal.acceleration, casadi.horzcat(*[a for a, _ in regular]), inertia)
     return replace(
         solution, plain=plain, proximal=slow, event_multipliers=solution.event_multipliers + quick @ forces
     ), _Held(forces, joints.switches(forces), turn)

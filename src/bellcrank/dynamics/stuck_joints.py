@@ -117,16 +117,17 @@ class StuckJoints:
 
         return casadi.vertcat(*[lasts(x[k]) for k, lasts in enumerate(self.lasting)])
 
-    def turn(self, acceleration: casadi.SX, response: casadi.SX) -> casadi.SX:
+    def turn(self, acceleration: casadi.SX, response: casadi.SX, inertia: casadi.SX) -> casadi.SX:
         """What a run needs to find new modes: velocity (n), acceleration without the forces x (n), C column after
         column, least and largest force at rest (n), the forces of the joints that do not hold (n), lower and upper end
-        and restitution of stops (n).
+        and restitution of stops (n), and the joints' own inertias (n).
         """
         import casadi
 
         columns = casadi.vec(casadi.densify(response))
         forces = casadi.vertcat(self.least, self.most, self.sliding)
-        return casadi.vertcat(self.velocity, entries(acceleration, self.rows), columns, forces, casadi.vec(self.ends))
+        states = casadi.vertcat(self.velocity, entries(acceleration, self.rows))
+        return casadi.vertcat(states, columns, forces, casadi.vec(self.ends), inertia)
 
 
 class _Part(NamedTuple):

@@ -9,7 +9,7 @@ where several stops are struck at once and it would raise the energy, Poisson's 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -82,17 +82,24 @@ class JointStop(JointForce):
         return casadi.SX(symbols.holding.get(self.name, 0.0))
 
 
-def read_joint_stops(read: Fields, robot: Robot, formulas: FormulaReader, names: Sequence[str]) -> tuple[Force, ...]:
-    """Read the stops of a scene. `names` are taken by other forces. Raises InputError naming file and key."""
+def read_joint_stops(
+    read: Fields, robot: Robot, formulas: FormulaReader, names: Sequence[str], driven: Collection[str]
+) -> tuple[Force, ...]:
+    """Read the stops of a scene. `names` are taken by other forces; `driven` joints follow a prescribed motion.
+
+    Raises InputError naming file and key.
+    """
     joints, found = read.mapping("joints", {}), list[Force]()
     own = [name for name in joints if KEY in joints.mapping(name)]
     for name in own:
         joint, entry = joint_named(joints, name, name, robot), joints.mapping(name).mapping(KEY)
+        if name in driven:
+            raise joints.mapping(name).error(KEY, f"joint '{name}' follows a prescribed motion, which no stop ends")
         found.append(_stop(entry, joint, robot, formulas))
     if read.choice(ALL, CHOICES, "none") == "from_file":
         for joint in robot.joints:
             lower, upper = _range(robot, joint)
-            if joint.nv == 1 and joint.name not in own and (math.isfinite(lower) or math.isfinite(upper)):
+            if joint.nv == 1 and joint.name not in (*own, *driven) and (math.isfinite(lower) or math.isfinite(upper)):
                 found.append(JointStop(f"stop_{joint.name}", read, joint, lower, upper, 0.0))
     for part in found:
         if part.name in names:

@@ -41,7 +41,7 @@ _ADVICE = {
     "take solver auto or Radau if the scene is stiff",
     Status.CHATTERING: "a force switches back and forth without end there: its sign, step or `active` jumps against "
     "the motion; smooth it, such as sign(v) by v / sqrt(v**2 + width**2), sample it (sample_time), or give "
-    "the joint dry_friction (joints), or the force kind friction",
+    "the joint dry_friction (joints), or the force kind friction; or a prescribed motion moves a joint beyond its stop",
     Status.PRESCRIBED_MOTION_ENDED: "a prescribed motion ends, or its velocity jumps, while the joint moves; extend "
     "the motion or shorten the run",
     Status.TURNED_OVER: "a weld or hinge is turned by more than a quarter turn: its equations also hold at half a "

@@ -19,7 +19,7 @@ class Held {
       : rhs_(rhs), p_(rhs.problem), h_(p_.held), record_(record), view_(functions(p_)), changes_(rhs, last, view_),
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
         before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
-        found_(h_.mode_count * (p_.nv + 8)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
+        found_(h_.mode_count * (p_.nv + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
         struck_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
@@ -197,7 +197,7 @@ class Held {
 
   // What the kernel `turn` finds at a state, for m contacts of a state with nv velocities.
   struct Turn {
-    const double *velocity, *free, *response, *low, *high, *sliding, *place_low, *place_high, *restitution;
+    const double *velocity, *free, *response, *low, *high, *sliding, *place_low, *place_high, *restitution, *inertia;
   };
 
   bool evaluate(double t, const double* x, Turn& found) {
@@ -209,7 +209,8 @@ class Held {
     const double* v = found_;
     const double* response = v + 2 * n;
     const double* rest = response + n * p_.nv;
-    found = {v, v + n, response, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n};
+    found = {v, v + n, response, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n,
+             rest + 6 * n};
     double sum = 0;
     for (int k = 0; k < n * (2 + p_.nv); ++k) sum += found_[k] * 0.0;
     return sum == 0;
@@ -217,6 +218,9 @@ class Held {
 
   bool is_stop(int j) const { return h_.mode_kinds[j] == 1; }
   double response(const Turn& f, int j, int k) const { return f.response[k * p_.nv + h_.mode_rows[j] - p_.nq]; }
+
+  // Whether constraints and prescribed motions alone determine how a joint moves, so that no force holds it.
+  bool determined(const Turn& f, int j) const { return response(f, j, j) * f.inertia[j] <= 1e-9; }
 
   // At the start of a run: joints that move slide, the others stick or begin to slide.
   bool first_modes(double t, const double* x) {
@@ -258,9 +262,15 @@ class Held {
     const int n = h_.mode_count;
     int count = 0;
     for (int j = 0; j < n; ++j) {
+      const bool rests = !mode(j).moves || (j == cause && !hits) || std::fabs(f.velocity[j]) <= same_instant * fastest_[j];
+      if (!is_stop(j) && rests && determined(f, j)) {
+        const int direction = sign(f.velocity[j] != 0 && j != cause ? f.velocity[j] : f.free[j]);
+        mode(j) = {1.0 * direction, 1, 0, 0};
+        turned_[h_.switch_count + j] = 1, fastest_[j] = 0;
+        continue;
+      }
       if (is_stop(j) ? closed_[j] && f.velocity[j] == 0 && !(j == cause && gives_way)
-                     : !mode(j).moves || (j == cause && !hits) ||
-                           std::fabs(f.velocity[j]) <= same_instant * fastest_[j])
+                     : rests)
         resting_[count++] = j;
       else if (is_stop(j)) mode(j) = {0, 1, 0, mode(j).impulse};
       if (closed_[j]) state_[h_.mode_places[j]] = closed_[j] > 0 ? f.place_low[j] : f.place_high[j];

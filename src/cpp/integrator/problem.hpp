@@ -57,7 +57,8 @@ struct HeldEntries {
   int work_row;             // the entry of x that is the work, which impacts change, or -1
   Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of joints at rest (m), the
                             // response of all velocities to each force (m, nv), least and largest force at rest (m, m),
-                            // forces of sliding joints (m), lower and upper stop (m, m), restitution (m)
+                            // forces of sliding joints (m), lower and upper stop (m, m), restitution (m),
+                            // the joints' own inertias (m)
   const double* start;  // (count)
   Kernel switches;      // (t, x, u, p) -> the functions of sides, and those that are positive while modes last
   const Update* updates;
