@@ -296,6 +296,7 @@ def test_unknown_joints_of_impacts_are_refused(block):
 
 def test_a_joint_whose_motion_is_prescribed_has_no_stop(block):
     keys = {
+        "outputs": {},
         "motions": {"up": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"slide": 1}]}},
         "constraints": [{"name": "drive", "kind": "prescribed_motion", "joint": "slide", "motion": "up"}],
     }

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from bellcrank.elements.symbols import Symbols
 
+STARTED = 1e-9  # rad/s or m/s: a joint of this speed has a direction of motion
 FAR = 1e300  # rad or m: an end that is not there
 REGULARISATION = 1e-9  # of a joint's own inertia
 REFINEMENTS = 3
@@ -141,7 +142,10 @@ class _Part(NamedTuple):
 
 
 def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
-    """While it slides d v is positive, else 1 − (x / limit)², with the slack that a run allows."""
+    """While it slides d v is positive, else 1 − (x / limit)², with the slack that a run allows.
+
+    A joint that constraints alone determine slides even at rest, then with d = 0 until it has a velocity.
+    """
     import casadi
 
     direction, moves, _, slack = mode
@@ -149,7 +153,8 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
 
     def lasts(x: casadi.SX) -> casadi.SX:
         share = x / limit
-        return moves * direction * velocity + (1.0 - moves) * (1.0 + slack - share * share)
+        begins = (1.0 - direction * direction) * (STARTED * STARTED - velocity * velocity)
+        return moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
 
     return _Part(-limit, limit, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
 

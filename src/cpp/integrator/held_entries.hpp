@@ -264,8 +264,9 @@ class Held {
     for (int j = 0; j < n; ++j) {
       const bool rests = !mode(j).moves || (j == cause && !hits) || std::fabs(f.velocity[j]) <= same_instant * fastest_[j];
       if (!is_stop(j) && rests && determined(f, j)) {
-        const int direction = sign(f.velocity[j] != 0 && j != cause ? f.velocity[j] : f.free[j]);
-        mode(j) = {1.0 * direction, 1, 0, 0};
+        const bool starts = mode(j).moves && mode(j).direction == 0;  // it had neither velocity nor acceleration before
+        const int direction = sign(f.velocity[j] != 0 && (starts || j != cause) ? f.velocity[j] : f.free[j]);
+        mode(j) = {slack(j) > 0 && !starts ? 0.0 : direction, 1, 0, 0};
         turned_[h_.switch_count + j] = 1, fastest_[j] = 0;
         continue;
       }
