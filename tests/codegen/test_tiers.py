@@ -215,6 +215,7 @@ def test_an_error_in_compiling_during_a_run_is_raised(fresh_cache, monkeypatch):
     with pytest.raises(CompileError, match="no code today"):
         bc.simulate(scene, duration=0.05)
     monkeypatch.undo()
+    fresh(monkeypatch)  # the equations whose code was refused are not those of other tests
 
 
 # ---- Ctrl-C, forks and the end of the program
