@@ -68,6 +68,9 @@ def pytest_runtest_call(item):
 @pytest.fixture
 def fresh_cache(tmp_path, monkeypatch):
     """An empty cache folder, and the path that what is in it will have."""
+    import bellcrank as bc
+
+    bc.wait_for_optimised_code()  # what earlier tests began to compile is not kept here
     where = tmp_path / "cache"
     monkeypatch.setenv("BELLCRANK_CACHE", str(where))
     return where / "bellcrank-cache-2"
