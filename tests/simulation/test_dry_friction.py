@@ -390,3 +390,30 @@ def test_a_joint_whose_motion_is_prescribed_rubs_and_does_not_stick(block):
     inside = np.abs(run.velocity[:, 0]) > 1e-6
     assert run.output("friction").ravel()[inside] == pytest.approx(-2 * np.sign(run.velocity[inside, 0]))
     assert np.abs(run.velocity[:, 0]).max() > 1.0 and len(run.stuck("slide")) == 0
+
+
+def test_a_limit_of_its_own_and_one_that_is_the_coulomb_friction_are_other_equations(block):
+    """Both with 0.15 N in the file; a parameter then sets the Coulomb friction alone, or the limit with it."""
+    keys = {"parameters": {"mu": {"value": 0.15, "sets": ["forces.dry_friction_slide.coulomb"]}}, "forces": [SPRING]}
+    one = block({"coulomb": 0.15}, **keys)
+    two = block({"coulomb": 0.15, "static": 0.15, "speed": 1}, **keys)
+    assert one.physics_key() != two.physics_key()
+    low = {"mu": 0.05, "initial.slide": 0.1}
+    assert len(bc.simulate(one.with_overrides(low), duration=0.1).stuck("slide")) == 0  # the spring's 0.1 N move it
+    assert len(bc.simulate(two.with_overrides(low), duration=0.1).stuck("slide")) == 1
+    with pytest.raises(bc.InputError, match=r"static friction 0.15 is below Coulomb friction 0.2"):
+        bc.simulate(two.with_overrides({"mu": 0.2}), duration=0.1)
+
+
+def test_sizing_sweep_and_inverse_dynamics_see_the_same_friction(tmp_path):
+    scene = {
+        "urdf": "planar_2r", "gravity": [0, -9.81, 0], "joints": {"elbow": {"dry_friction": {"coulomb": 3}}},
+        "motions": {"turn": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"elbow": 1}]}},
+    }  # fmt: skip
+    path = tmp_path / "arm.yaml"
+    path.write_text(yaml.safe_dump(scene))
+    sizing = bc.size(path).joint("elbow")
+    swept = bc.sweep(path, {"motions.turn.duration": ["1 s", "2 s"]}, size=True)
+    assert swept.column("elbow.peak_torque")[0] == pytest.approx(sizing.peak_torque, rel=1e-12)
+    torque = bc.scene_inverse_dynamics(path, bc.load_scene(path).motion("turn")).torque[:, 1]
+    assert np.abs(torque).max() == pytest.approx(sizing.peak_torque, rel=1e-4)  # rows of the motion

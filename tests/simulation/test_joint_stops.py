@@ -303,3 +303,25 @@ def test_a_joint_whose_motion_is_prescribed_has_no_stop(block):
     with pytest.raises(bc.InputError, match="joint 'slide' follows a prescribed motion, which no stop ends"):
         block({"lower": 0}, **keys)
     assert block(joint_stops="from_file", **keys).stops_of_joints == ()
+
+
+def test_a_restitution_above_1_by_a_parameter_is_refused(block):
+    keys = {"parameters": {"e": {"value": 0.5, "sets": ["forces.stop_slide.restitution"]}}, "initial": {"slide": 1}}
+    scene = block({"lower": 0, "restitution": 0.5}, **keys)
+    with pytest.raises(bc.InputError, match=r"restitution 1\.2 of its stop is above 1"):
+        bc.simulate(scene.with_overrides({"e": 1.2}))
+
+
+def test_sizing_is_the_same_with_stops_and_says_that_they_exert_no_force(tmp_path):
+    scene = {
+        "urdf": "planar_2r", "gravity": [0, -9.81, 0],
+        "motions": {"turn": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"elbow": 1}]}},
+    }  # fmt: skip
+    found = []
+    for keys in ({}, {"joint_stops": "from_file"}):
+        path = tmp_path / f"arm{len(keys)}.yaml"
+        path.write_text(yaml.safe_dump({**scene, **keys}))
+        found.append(bc.size(path))
+    plain, stopped = (sizing.joint("elbow") for sizing in found)
+    assert stopped.peak_torque == plain.peak_torque and stopped.holding_torque == plain.holding_torque
+    assert not found[1].forces and any("rigid stops (shoulder, elbow) exert no force" in w for w in found[1].warnings)

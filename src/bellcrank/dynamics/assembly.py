@@ -231,8 +231,9 @@ def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     parts: list[DryFriction | JointStop] = [*scene.dry_friction, *scene.stops_of_joints]
     if not s.held_sides:
         raise InputError(
-            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks has no "
-            "equations of motion without what a run holds; give it a smoothed friction (forces, kind: friction)"
+            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a "
+            "stop has no equations of motion without what a run holds; remove it, or give it a smoothed friction "
+            "(forces, kind: friction)"
         )
     return StuckJoints.of(parts, s)
 

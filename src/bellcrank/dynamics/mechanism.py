@@ -17,6 +17,7 @@ from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.spherical_spring import SphericalSpring
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
@@ -122,8 +123,9 @@ class AppliedForce:
 
 
 def applied_forces(mechanism: Mechanism) -> tuple[AppliedForce, ...]:
-    """The forces of the scene, which all act in inverse dynamics, in the scene's order."""
-    return tuple(AppliedForce(force.name, force.kind, acts_on(force)) for force in mechanism.equations.forces)
+    """The forces of the scene that act in inverse dynamics, all but rigid stops, in the scene's order."""
+    forces = [force for force in mechanism.equations.forces if not isinstance(force, JointStop)]
+    return tuple(AppliedForce(force.name, force.kind, acts_on(force)) for force in forces)
 
 
 def acts_on(force: Force) -> str:

@@ -39,6 +39,9 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
             "require"
             for part in mechanism.scene.control
         ]
+        stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
+        if stops:
+            found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")
         found += _clock_notes(mechanism.scene)
     return tuple(found)
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from bellcrank.dynamics.kkt import REFINEMENTS, REGULARISATION
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_stops import JointStop
 
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 STARTED = 1e-9  # rad/s or m/s: a joint of this speed has a direction of motion
 FAR = 1e300  # rad or m: an end that is not there
-REGULARISATION = 1e-9  # of a joint's own inertia
-REFINEMENTS = 3
 
 
 @dataclass(frozen=True)

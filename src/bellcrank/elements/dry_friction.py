@@ -51,6 +51,7 @@ class DryFriction(JointForce):
     speed: float
     viscous: float
     law: str
+    falls: bool  # whether `static` is given, and friction falls from it to `coulomb`
     kind: ClassVar[str] = KEY
     NUMBERS: ClassVar[Numbers] = {
         "coulomb": ("torque", None, NONNEGATIVE),
@@ -62,7 +63,7 @@ class DryFriction(JointForce):
     @property
     def at_rest(self) -> str:
         """The name of the number that is the largest force at rest."""
-        return "static" if "static" in self.place else "coulomb"
+        return "static" if self.falls else "coulomb"
 
     @property
     def settable(self) -> dict[str, Settable]:
@@ -70,7 +71,7 @@ class DryFriction(JointForce):
         joint = self.joint
         found = {key: Settable(joint_unit(joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
         found[self.at_rest] = Settable(joint_unit(joint, "torque"), POSITIVE)
-        return {key: found[key] for key in found if key in self.place or key == "viscous"}
+        return {key: found[key] for key in (found if self.falls else ("coulomb", "viscous"))}
 
     @property
     def mode(self) -> HeldSource:
@@ -163,4 +164,4 @@ def _friction(read: Fields, joint: RobotJoint) -> DryFriction:
     speed = number(read, "speed", joint_unit(joint, "velocity"), 1.0, POSITIVE)
     viscous = number(read, "viscous", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
     read.done()
-    return DryFriction(f"{KEY}_{joint.name}", read, joint, coulomb, static, speed, viscous, law)
+    return DryFriction(f"{KEY}_{joint.name}", read, joint, coulomb, static, speed, viscous, law, "static" in read)

@@ -24,7 +24,9 @@ from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.system import system_of
+from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.element import joint_unit
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import unit_vectors
@@ -147,7 +149,7 @@ def prepared_integration(
     q0, v0 = consistent_start(scene)
     x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
     refuse_open_contact(scene, parameters, x0)
-    refuse_start_beyond_stops(scene, parameters, q0)
+    refuse_impossible_contacts(scene, parameters, q0)
     # code for many states at once pays off where an evaluation is cheap beside it
     batched = (
         projected
@@ -319,14 +321,29 @@ def refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
         raise InputError(f"{scene.source}: {text}")
 
 
-def refuse_start_beyond_stops(scene: Scene, parameters: Array, q0: Array) -> None:
-    """Name a joint that starts beyond its rigid stop (InputError)."""
+def refuse_impossible_contacts(scene: Scene, parameters: Array, q0: Array) -> None:
+    """Name a joint that starts beyond its stop, or parameters that its friction or stop cannot have (InputError)."""
     set_by = {target: k for k, parameter in enumerate(scene.parameters.values()) for target in parameter.sets}
+
+    def value(part: DryFriction | JointStop, name: str) -> float:
+        k = set_by.get(f"force.{part.name}.{name}")
+        return part.number(name) if k is None else float(parameters[k])
+
+    for part in scene.dry_friction:
+        if part.falls and value(part, "static") < value(part, "coulomb"):
+            raise InputError(
+                f"{scene.source}: joint '{part.joint.name}': static friction {value(part, 'static'):g} is below "
+                f"Coulomb friction {value(part, 'coulomb'):g}; change the parameters"
+            )
     for stop in scene.stops_of_joints:
         place = float(q0[stop.joint.q])
+        if value(stop, "restitution") > 1.0:
+            raise InputError(
+                f"{scene.source}: joint '{stop.joint.name}': restitution {value(stop, 'restitution'):g} of its stop is "
+                "above 1; change the parameter"
+            )
         for end, side in (("lower", 1.0), ("upper", -1.0)):
-            k = set_by.get(f"force.{stop.name}.{end}")
-            at = stop.number(end) if k is None else float(parameters[k])
+            at = value(stop, end)
             if side * (place - at) < -AT_STOP * max(1.0, abs(at)):
                 unit = joint_unit(stop.joint, "position")
                 raise InputError(

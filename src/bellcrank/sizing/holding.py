@@ -12,6 +12,7 @@ from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank.sizing.holding_scene_forces import scene_holding_torques
 from bellcrank.sizing.holding_search import Holding
@@ -36,7 +37,8 @@ def holding_torques(mechanism: Mechanism, motions: Sequence[Motion], mass_tolera
         note = "holding torques are the largest at the postures of the motions: the constraints tie the joints together"
         return Holding(found.joints, found.torque, found.position, (note,))
     assert isinstance(mechanism, OpenChain)
-    acting = [force for force in mechanism.equations.forces if not isinstance(force, Damper | Friction | DryFriction)]
+    resisting = Damper | Friction | DryFriction | JointStop
+    acting = [force for force in mechanism.equations.forces if not isinstance(force, resisting)]
     if not acting:
         statics = mechanism if mechanism.equations.sets_tree else None
         return gravity_holding_torques(mechanism.robot, mass_tolerance=mass_tolerance, statics=statics)
