@@ -1,6 +1,7 @@
 // Forces of joints that dry friction holds: against the enumeration of all modes, and where forces are not unique; and a run
 // that sticks and slides as the closed form says.
 #include "explicit_runge_kutta.hpp"
+#include "holds_record.hpp"
 #include "bounded_forces.hpp"
 #include "integration_loop.hpp"
 #include "known_problem.hpp"
@@ -73,23 +74,6 @@ std::int32_t ball_turn(const double* const* in, double* const* out) {
   const double found[] = {in[1][1], -g, 1, 0, 0, 0, 0, 1e300, bounce, 1};
   return std::copy(found, found + 10, out[0]), 0;
 }
-
-struct Holds final : Record {
-  std::vector<std::pair<double, Numbers>> holds;
-  Numbers end_state, ends = Numbers(100000);
-  int n, count;
-
-  explicit Holds(const Problem& p) : n(p.n), count(p.held.count) { more_steps(); }
-  void more_steps() override { next_step = ends.data(), steps_end = next_step + ends.size(); }
-  void output(double, const double*) override {}
-  void event(int, double, const double*) override {}
-  void unresolved(int, double) override {}
-  void undefined(int, double) override {}
-  void end(double, const double* x) override { end_state.assign(x, x + n); }
-  void hold(double t, const double* values) override { holds.push_back({t, Numbers(values, values + count)}); }
-  bool update(int, double, const double*, double*) override { return false; }
-  bool look(double, const double*, const Counts&, std::int64_t* attempts) override { return *attempts = 1000, false; }
-};
 
 constexpr int friction_kind[] = {0}, stop_kind[] = {1}, velocity_row[] = {1}, position_row[] = {0};
 

@@ -255,6 +255,17 @@ def test_dry_friction_replaces_the_friction_of_the_robot_file_and_says_so(block)
     assert any("replaces its other friction, viscous 3 N s/m and Coulomb 2 N" in note for note in run.notes)
 
 
+def test_sizing_says_too_that_dry_friction_replaces_other_friction(tmp_path):
+    scene = {
+        "urdf": "planar_2r", "friction": {"elbow": {"coulomb": 2}},
+        "joints": {"elbow": {"dry_friction": {"coulomb": 3}}},
+        "motions": {"turn": {"kind": "waypoints", "times": [0, 1], "positions": [{}, {"elbow": 1}]}},
+    }  # fmt: skip
+    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(scene))
+    for result in (bc.size(tmp_path / "arm.yaml"), bc.select(tmp_path / "arm.yaml", candidates=1, effort=20)):
+        assert any("'elbow': dry_friction replaces its other friction" in note for note in result.warnings)
+
+
 def test_a_saved_run_keeps_when_joints_were_stuck_and_a_run_from_it_stays_at_rest(block, tmp_path):
     scene = block({"coulomb": 0.15}, forces=[SPRING], initial={"slide": 1})
     run = bc.simulate(scene, duration=12.0)

@@ -42,6 +42,7 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
         if stops:
             found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")
+        found += mechanism.scene.replaced_friction()
         found += _clock_notes(mechanism.scene)
     return tuple(found)
 

@@ -312,9 +312,19 @@ class Scene(Portable):
         driven = {joint.name for part in self.control for joint in part.joints}
         driven |= {part.joint.name for part in self.constraints if isinstance(part, PrescribedMotion)}
         found = in_use(self.config.notes, driven, bool(self.robot.gravity.any()))
-        return (*found, *self._replaced_friction())
+        return (*found, *self.replaced_friction())
 
-    def _replaced_friction(self) -> Iterator[Note]:
+    def replaced_friction(self) -> Iterator[Note]:
+        """A note for each joint whose other friction dry friction replaces.
+
+        Returns:
+            The notes, none where no joint has other friction.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> list(bc.load_scene("pendulum").replaced_friction())
+            []
+        """
         for part in self.dry_friction:
             viscous, coulomb = self.robot.replaced_friction.get(part.joint.name, (0.0, 0.0))
             if viscous or coulomb:
