@@ -86,7 +86,7 @@ void check_ball(double accuracy) {
   p.derivatives = &derivatives;
   p.held.count = p.signal_entries = 4, p.held.start = start.data();
   p.held.mode_count = 1, p.held.mode_kinds = stop_kind, p.held.mode_rows = velocity_row;
-  p.held.mode_places = position_row, p.held.work_row = 2;
+  p.held.mode_places = position_row, p.held.work_row = 2, p.held.response_rows = 1;
   p.held.turn = ball_turn, p.held.switches = ball_switch;
   Holds found(p);
   Counts counts;
@@ -116,7 +116,7 @@ void check_block(double accuracy) {
   p.derivatives = &derivatives;
   p.held.count = p.signal_entries = 4, p.held.start = start.data();
   p.held.mode_count = 1, p.held.mode_kinds = friction_kind, p.held.mode_rows = velocity_row;
-  p.held.mode_places = position_row, p.held.work_row = -1;
+  p.held.mode_places = position_row, p.held.work_row = -1, p.held.response_rows = 1;
   p.held.turn = block_turn, p.held.switches = block_switch;
   Holds found(p);
   Counts counts;

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, condition_data, given_conditions
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
     from bellcrank.config.fields import Fields
 
+DRIVE_KEYS: Final = ("model", "elastic", "rotor_friction", "servo")  # of a simulation (elements/drives.py)
 P = TypeVar("P", Motor, Gear)
 CatalogueOf = Callable[[], "Catalogue"]
 
@@ -62,6 +63,7 @@ def actuator_from_fields(
     Raises InputError, naming file and key.
     """
     common = Conditions() if common is None else common
+    fields.known(*DRIVE_KEYS)
     try:
         if "motor" in fields or "gear" in fields:
             return _of_products(fields, catalogue, common)

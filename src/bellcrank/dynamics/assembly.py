@@ -1,7 +1,7 @@
 """A scene's equations of motion assembled as casadi expressions, which can be inspected before they are compiled.
 
-The state x is q (nq), v (nv) and, where a force has power that comes from no potential, the work W of actuators,
-dampers and friction. With τ the sum of the joint forces of the scene,
+The state x is q (nq), v (nv), the auxiliary states z (nz) of drives and, where a force has power that comes from no
+potential, the work W of actuators, dampers and friction. With τ the sum of the joint forces of the scene,
 
     q̇ = E(q) v,    v̇ = M(q)⁻¹ (τ − bias(q, v)) by the articulated-body algorithm,    Ẇ = power.
 
@@ -20,9 +20,7 @@ from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiat
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
-from bellcrank.dynamics.stuck_joints import StuckJoints, entries
-from bellcrank.elements.dry_friction import DryFriction
-from bellcrank.elements.joint_stops import JointStop
+from bellcrank.dynamics.stuck_joints import StuckJoints
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
@@ -44,8 +42,10 @@ class Assembly:
         v: Velocity (nv).
         u: Signals (nu).
         p: Parameters (np).
+        z: Auxiliary states (nz).
         work: The symbol of the work W, J.
         rate: q̇ (nq).
+        auxiliary_rate: ż (nz), and `auxiliary_start` z at the start of a run.
         acceleration: v̇ (nv).
         actuator: Joint forces of motors (nv): torques and control, N m or N.
         passive: Joint forces (nv) of everything else: springs, dampers, friction, wrenches.
@@ -69,8 +69,11 @@ class Assembly:
     v: casadi.SX
     u: casadi.SX
     p: casadi.SX
+    z: casadi.SX
     work: casadi.SX
     rate: casadi.SX
+    auxiliary_rate: casadi.SX
+    auxiliary_start: casadi.SX
     acceleration: casadi.SX
     actuator: casadi.SX
     passive: casadi.SX
@@ -99,7 +102,8 @@ class Assembly:
         """The state x as symbols."""
         import casadi
 
-        return casadi.vertcat(self.q, self.v, self.work) if self.has_work else casadi.vertcat(self.q, self.v)
+        own = casadi.vertcat(self.q, self.v, self.z)
+        return casadi.vertcat(own, self.work) if self.has_work else own
 
     @property
     def state_rate(self) -> casadi.SX:
@@ -115,8 +119,8 @@ class Assembly:
     def _rate(self, acceleration: casadi.SX, power: casadi.SX) -> casadi.SX:
         import casadi
 
-        both = casadi.vertcat(self.rate, acceleration)
-        return casadi.vertcat(both, power) if self.has_work else both
+        own = casadi.vertcat(self.rate, acceleration, self.auxiliary_rate)
+        return casadi.vertcat(own, power) if self.has_work else own
 
     def frame(self, name: str) -> casadi.SX:
         """A frame's position 3, rotation 9 (row major), linear and angular velocity 3 each, world axes."""
@@ -137,15 +141,22 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
     s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock, held_sides)
     for source in scene.signal_sources:  # all of them, in the order of the scene's signals
         s.signal(source)
-    actuator, passive, potential, power = applied_forces(scene, s)
+    with_states = [part for part in scene.elements if part.auxiliary is not None]
+    for states in scene.auxiliary_states:
+        s.auxiliary(states)
+    actuator, passive, potential, power, rotors = applied_forces(scene, s)
+    none = casadi.SX(0, 1)
+    s.load_at_start = _load_at_start(scene, s)
+    z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states])
+    z_start = casadi.vertcat(none, *[part.auxiliary_start(s) for part in with_states])
     torque = actuator + passive
     newton_euler = s.algorithm("inverse_dynamics")
     bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
     gains = casadi.SX.sym("gains", 2 if scene.settings.stabilisation.kind == "baumgarte" else 0)
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
-    held_parts = (*scene.dry_friction, *scene.stops_of_joints)
-    held = _Held(casadi.SX(0, 1), casadi.SX(0, 1), casadi.SX(0, 1))
+    held_parts = scene.parts_with_modes
+    held = _Held(none, none, none, z_rate)
     if scene.constraints:
         rows, sizes = _symbolic_rows(scene)
         constraints = differentiate_constraints(scene.constraints, rows, s)
@@ -154,7 +165,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         p = casadi.vertcat(p, sizes, share)
         acceleration = solution.proximal.acceleration
         if held_parts:
-            solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s))
+            solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s), z_rate)
             acceleration = solution.proximal.acceleration
         reaction = constraints.jacobian.T @ solution.proximal.multipliers
         plain_power = power + constraints.power(solution.plain.multipliers)
@@ -163,13 +174,18 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
         if held_parts:
             joints = _stuck_joints(scene, s)
-            response, inertia = s.response(joints.rows), entries(casadi.diag(mass_matrix(s)), joints.rows)
-            forces = joints.forces(acceleration, response, inertia, regular=True)
-            held = _Held(forces, joints.switches(forces), joints.turn(acceleration, response, inertia))
-            acceleration = joints.at_rest(acceleration + response @ forces)
+            of_joints = [row for row in joints.rows if row < robot.nv]
+            response = joints.responses(casadi.horzsplit(s.response(of_joints)) if of_joints else [], robot.nv)
+            inertia = joints.inertias(casadi.diag(mass_matrix(s)))
+            before = casadi.vertcat(acceleration, z_rate)
+            forces = joints.forces(before, response, inertia, regular=True)
+            after = joints.at_rest(before + response @ forces)
+            held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), after[robot.nv :])
+            acceleration = after[: robot.nv]
     for k, part in enumerate(held_parts):
         s.holding[part.name] = held.forces[k]
-        passive += s.joint_force(part.joint.v, held.forces[k])
+        if part.rotor is None:
+            passive += s.joint_force(part.joint.v, held.forces[k])
     torque = actuator + passive
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # an independent check of the accelerations: recursive Newton-Euler must give back the torque
@@ -178,7 +194,7 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         symbols=s,
         acceleration=acceleration,
         joint_torque=torque,
-        kinetic=energy[0],
+        kinetic=energy[0] + rotors,
         potential=energy[1] + potential,
         reactions=None
         if solution is None
@@ -196,14 +212,17 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
         v=s.v,
         u=s.u,
         p=p,
+        z=s.z,
         work=casadi.SX.sym("W"),
         rate=s.algorithm("configuration_rate")(s.q, s.v),
+        auxiliary_rate=held.auxiliary_rate,
+        auxiliary_start=z_start,
         acceleration=acceleration,
         actuator=actuator,
         passive=passive,
         power=power,
         plain_power=plain_power,
-        kinetic=energy[0],
+        kinetic=energy[0] + rotors,
         potential=energy[1] + potential,
         residual=residual,
         bias=bias,
@@ -219,16 +238,17 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
 
 
 class _Held(NamedTuple):
-    """The forces of dry friction at stuck joints, the functions while the modes last, and what finds new modes."""
+    """The forces of dry friction at stuck joints, the functions while the modes last, what finds new modes, and ż."""
 
     forces: casadi.SX
     switches: casadi.SX
     turn: casadi.SX
+    auxiliary_rate: casadi.SX
 
 
 def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     """The dry friction and stops of a scene's joints, in a run. Raises InputError outside of one."""
-    parts: list[DryFriction | JointStop] = [*scene.dry_friction, *scene.stops_of_joints]
+    parts = scene.parts_with_modes
     if not s.held_sides:
         raise InputError(
             f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a "
@@ -238,41 +258,58 @@ def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     return StuckJoints.of(parts, s)
 
 
-def _with_stuck_joints(solution: ConstrainedSolution, joints: StuckJoints) -> tuple[ConstrainedSolution, _Held]:
+def _with_stuck_joints(
+    solution: ConstrainedSolution, joints: StuckJoints, z_rate: casadi.SX
+) -> tuple[ConstrainedSolution, _Held]:
     """Solved constraints with the forces at stuck joints, by both ways of solving them."""
     import casadi
 
-    nv, rows = solution.mass.size1(), list(joints.rows)
-    unit = [casadi.SX(casadi.DM.eye(nv)[:, row]) for row in rows]
-    none, inertia = casadi.SX(solution.plain_factor.m, 1), entries(casadi.diag(solution.mass), rows)
+    nv, m = solution.mass.size1(), solution.plain_factor.m
+    own = [k for k, row in enumerate(joints.rows) if row < nv]
+    unit = [casadi.SX(casadi.DM.eye(nv)[:, joints.rows[k]]) for k in own]
+    none, inertia = casadi.SX(m, 1), joints.inertias(casadi.diag(solution.mass))
+    place = casadi.SX(casadi.DM.eye(len(joints.rows)))[:, own]  # of the joints among all that have modes
 
-    def held(found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]) -> tuple[KktSolution, casadi.SX]:
-        response = casadi.horzcat(*[a for a, _ in responses])
-        forces = joints.forces(found.acceleration, response, inertia, regular=False)
-        return KktSolution(
-            joints.at_rest(found.acceleration + response @ forces),
-            found.multipliers + casadi.horzcat(*[m for _, m in responses]) @ forces,
-            joints.at_rest(found.displacement),
-            joints.at_rest(found.velocity_change),
-        ), forces
+    def held(
+        found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]
+    ) -> tuple[KktSolution, casadi.SX, casadi.SX]:
+        response = joints.responses([a for a, _ in responses], nv)
+        before = casadi.vertcat(found.acceleration, z_rate)
+        forces = joints.forces(before, response, inertia, regular=False)
+        after = joints.at_rest(before + response @ forces)
+        return (
+            KktSolution(
+                after[:nv],
+                found.multipliers + casadi.horzcat(casadi.SX(m, 0), *[r for _, r in responses]) @ (place.T @ forces),
+                joints.at_rest(found.displacement),
+                joints.at_rest(found.velocity_change),
+            ),
+            forces,
+            after[nv:],
+        )
 
     regular = [proximal(solution.proximal_factor, e, none, REFINEMENTS) for e in unit]
-    plain, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in unit])
-    slow, forces = held(solution.proximal, regular)
-    quick = casadi.horzcat(*[solution.proximal_factor.solve(e, none)[1] for e in unit])
-    turn = joints.turn(solution.proximal.acceleration, casadi.horzcat(*[a for a, _ in regular]), inertia)
-    return replace(
-        solution, plain=plain, proximal=slow, event_multipliers=solution.event_multipliers + quick @ forces
-    ), _Held(forces, joints.switches(forces), turn)
+    plain, _, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in unit])
+    slow, forces, rates = held(solution.proximal, regular)
+    quick = casadi.horzcat(casadi.SX(m, 0), *[solution.proximal_factor.solve(e, none)[1] for e in unit])
+    before = casadi.vertcat(solution.proximal.acceleration, z_rate)
+    turn = joints.turn(before, joints.responses([a for a, _ in regular], nv), inertia)
+    quick_multipliers = solution.event_multipliers + quick @ (place.T @ forces)
+    return replace(solution, plain=plain, proximal=slow, event_multipliers=quick_multipliers), _Held(
+        forces, joints.switches(forces), turn, rates
+    )
 
 
 class AppliedForces(NamedTuple):
-    """Joint forces (nv) of motors and of everything else, the potential energy, and the power of what has none."""
+    """Joint forces (nv) of motors and of everything else, the potential energy, the power of what has none, and the
+    kinetic energy of bodies that are not the robot's.
+    """
 
     actuator: casadi.SX
     passive: casadi.SX
     potential: casadi.SX
     power: casadi.SX
+    kinetic: casadi.SX
 
 
 def applied_forces(scene: Scene, s: Symbols) -> AppliedForces:
@@ -281,7 +318,7 @@ def applied_forces(scene: Scene, s: Symbols) -> AppliedForces:
 
     robot = scene.robot
     actuator, passive = casadi.SX.zeros(robot.nv, 1), casadi.SX.zeros(robot.nv, 1)
-    potential, power = casadi.SX(0), casadi.SX(0)
+    potential, power, kinetic = casadi.SX(0), casadi.SX(0), casadi.SX(0)
     for item in (*scene.forces, *scene.control):
         applied = item.generalised_force(s)
         if applied.actuator:
@@ -290,8 +327,21 @@ def applied_forces(scene: Scene, s: Symbols) -> AppliedForces:
             passive += applied.force
         potential += applied.potential
         power += applied.power
+        kinetic += 0.0 if applied.kinetic is None else applied.kinetic
     friction = robot.equations.friction(s.v)
-    return AppliedForces(actuator, passive - friction, potential, power - casadi.dot(friction, s.v))
+    return AppliedForces(actuator, passive - friction, potential, power - casadi.dot(friction, s.v), kinetic)
+
+
+def _load_at_start(scene: Scene, s: Symbols) -> casadi.SX:
+    """The joint forces (nv) that keep the velocity at the start; 0 in closed linkages, where they are not unique."""
+    import casadi
+
+    if scene.constraints or not scene.drives:
+        return casadi.SX(scene.robot.nv, 1)
+    others = replace(scene, control=tuple(part for part in scene.control if part not in scene.drives))
+    actuator, passive, *_ = applied_forces(others, s)
+    bias = s.algorithm("inverse_dynamics")(s.q, s.v, casadi.SX(scene.robot.nv, 1), s.tracer_parameters)
+    return bias - actuator - passive
 
 
 def _symbolic_rows(scene: Scene) -> tuple[SymbolicRows, casadi.SX]:

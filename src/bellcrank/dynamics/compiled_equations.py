@@ -33,7 +33,7 @@ LARGEST_STAGED = 16  # states: up to here the memory traffic is a good part of t
 
 
 class System:
-    """Compiled functions of (t, x, u, p): time (1), state x = q, v and maybe W (n), signals (nu), parameters (np).
+    """Compiled functions of (t, x, u, p): time (1), state x = q, v, z and maybe W (n), signals (nu), parameters (np).
 
     Each takes one state or a batch with a leading axis, and returns arrays in SI units. Made by `system_of`
     (system.py). Nothing is traced while the machine code is in the cache. `key` identifies the equations.
@@ -41,6 +41,7 @@ class System:
     Attributes:
         nq: The size of the position q.
         nv: The size of the velocity v.
+        nz: The number of auxiliary states z.
         has_work: Whether x ends with the work W (J).
         size: The size of the state x.
     """
@@ -48,10 +49,11 @@ class System:
     def __init__(self, scene: Scene, key: str, parameters: int) -> None:
         self._scene, self._key = scene, key
         self.nq, self.nv = scene.robot.nq, scene.robot.nv
+        self.nz = sum(states.size for states in scene.auxiliary_states)
         signals = sum(source.size for source in scene.signal_sources)
 
         def sizes(has_work: bool) -> Sizes:
-            return 1, self.nq + self.nv + has_work, signals, parameters
+            return 1, self.nq + self.nv + self.nz + has_work, signals, parameters
 
         layout = SystemLayout.load("system-" + key)
         if layout is None or layout.sizes != sizes(layout.has_work):
@@ -61,7 +63,7 @@ class System:
             layout.store("system-" + key)
         self._layout = layout
         self.has_work = layout.has_work
-        self.size = self.nq + self.nv + self.has_work
+        self.size = self.nq + self.nv + self.nz + self.has_work
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -145,6 +147,13 @@ class System:
         a, solved = self.assembly, self._solution.plain if plain else self._solution.proximal
         q_step = a.symbols.algorithm("configuration_rate")(a.q, solved.displacement)
         return casadi.vertcat(q_step, solved.velocity_change)
+
+    @cached_property
+    def auxiliary_start(self) -> Compiled:
+        """(t, x, u, p) -> the auxiliary states at the start (nz), of the position and velocity in x."""
+        return self._compiled(
+            "auxiliary start", lambda: self._state_function("auxiliary_start", [self.assembly.auxiliary_start])
+        )
 
     @cached_property
     def events(self) -> Compiled:

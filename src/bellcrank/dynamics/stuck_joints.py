@@ -36,7 +36,9 @@ class StuckJoints:
     """The dry friction and the stops of a scene's joints (n) as expressions.
 
     Attributes:
-        rows: The rows of their joints in v.
+        rows: The rows of their velocities in v and the auxiliary states after it.
+        rotors: The inertia of a rotor of its own, by its place among them; the others are joints.
+        width: The number of velocities and auxiliary states.
         direction: 1 forwards, −1 backwards, of joints that slide or are at their largest friction; 1 at a lower and −1
             at an upper stop (n).
         moves: 1 for joints that slide, or that a stop does not hold, else 0 (n).
@@ -49,6 +51,8 @@ class StuckJoints:
     """
 
     rows: tuple[int, ...]
+    rotors: dict[int, casadi.SX]
+    width: int
     direction: casadi.SX
     moves: casadi.SX
     holds: casadi.SX
@@ -70,12 +74,15 @@ class StuckJoints:
             _stop(part, mode, s) if isinstance(part, JointStop) else _friction(part, mode, s)
             for part, mode in zip(parts, modes, strict=True)
         ]
+        shafts = [part.shaft(s) for part in parts]
         return cls(
-            tuple(part.joint.v for part in parts),
+            tuple(shaft.row for shaft in shafts),
+            {k: shaft.inertia for k, shaft in enumerate(shafts) if shaft.inertia is not None},
+            s.robot.nv + s.z.numel(),
             direction,
             moves,
             holds,
-            casadi.vertcat(*[s.joint(part.joint).velocity for part in parts]),
+            casadi.vertcat(*[shaft.velocity for shaft in shafts]),
             casadi.vertcat(*[each.least for each in found]),
             casadi.vertcat(*[each.most for each in found]),
             casadi.vertcat(*[each.sliding for each in found]),
@@ -83,8 +90,30 @@ class StuckJoints:
             casadi.vertcat(*[each.ends for each in found]),
         )
 
+    def responses(self, of_joints: Sequence[casadi.SX], nv: int) -> casadi.SX:
+        """C (width, n) from the accelerations (nv) by unit forces at the joints among them, in their order."""
+        import casadi
+
+        found, joints = [], iter(of_joints)
+        for k, row in enumerate(self.rows):
+            column = casadi.SX(self.width, 1)
+            if k in self.rotors:
+                column[row] = 1.0 / self.rotors[k]
+            else:
+                column[:nv] = next(joints)
+            found.append(column)
+        return casadi.horzcat(*found)
+
+    def inertias(self, diagonal: casadi.SX) -> casadi.SX:
+        """The own inertias (n) of rotors, and of joints from the diagonal of M (nv)."""
+        import casadi
+
+        return casadi.vertcat(
+            *[self.rotors[k] if k in self.rotors else diagonal[row] for k, row in enumerate(self.rows)]
+        )
+
     def forces(self, acceleration: casadi.SX, response: casadi.SX, inertia: casadi.SX, *, regular: bool) -> casadi.SX:
-        """x (n) of accelerations (nv) without it, the response C (nv, n), and the joints' own inertias (n).
+        """x (n) of accelerations (width) without it, the response C (width, n), and the own inertias (n).
 
         `regular`: the joints move freely of each other.
         """
@@ -103,12 +132,13 @@ class StuckJoints:
         return masked @ x
 
     def at_rest(self, vector: casadi.SX) -> casadi.SX:
-        """Accelerations or displacements (nv), exactly 0 at joints that do not move."""
+        """Accelerations (width) or displacements (nv), exactly 0 where a joint or rotor does not move."""
         import casadi
 
         found = casadi.SX(vector)
         for k, row in enumerate(self.rows):
-            found[row] = self.moves[k] * found[row]
+            if row < found.numel():
+                found[row] = self.moves[k] * found[row]
         return found
 
     def switches(self, x: casadi.SX) -> casadi.SX:
@@ -148,14 +178,14 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
     import casadi
 
     direction, moves, _, slack = mode
-    limit, velocity = part.limit(s), s.joint(part.joint).velocity
+    (least, most), velocity = part.limits(s), part.shaft(s).velocity
 
     def lasts(x: casadi.SX) -> casadi.SX:
-        share = x / limit
+        share = x / most if part.rotor is None else casadi.if_else(x > 0.0, x / most, x / least)
         begins = (1.0 - direction * direction) * (STARTED * STARTED - velocity * velocity)
         return moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
 
-    return _Part(-limit, limit, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
+    return _Part(least, most, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
 
 
 def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:

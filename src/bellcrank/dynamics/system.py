@@ -5,6 +5,7 @@ Systems are shared between scenes that differ only in numbers (start, parameters
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
@@ -50,6 +51,54 @@ def system_parameters(scene: Scene) -> Array:
     own = scene.own_parameters
     found = np.concatenate([own, rows_of(scene).parameters, [REGULARISATION]]) if scene.constraints else own
     found.setflags(write=False)
+    return found
+
+
+def start_states(scene: Scene, position: Array, velocity: Array, parameters: Array) -> Array:
+    """The states x (n, size) at the start of runs.
+
+    The auxiliary states follow from the others, or go on from the saved run that the scene continues.
+
+    Args:
+        scene: The scene.
+        position: Consistent positions (n, nq).
+        velocity: Consistent velocities (n, nv).
+        parameters: The parameters of its equations (np,) or (n, np).
+
+    Returns:
+        The states, with work 0.
+
+    Example:
+        >>> import numpy as np
+        >>> import bellcrank as bc
+        >>> from bellcrank.dynamics.system import start_states, system_parameters
+        >>> scene = bc.load_scene("pendulum")
+        >>> start_states(scene, np.zeros((1, 1)), np.zeros((1, 1)), system_parameters(scene)).tolist()
+        [[0.0, 0.0]]
+    """
+    system, saved = system_of(scene), scene.initial.saved
+    moving = system.nq + system.nv
+    x = np.zeros((len(position), system.size))
+    x[:, : system.nq], x[:, system.nq : moving] = position, velocity
+    if system.nz:
+        u = scene.signals_at(np.zeros(1))[0]
+        found = system.auxiliary_start.rows(
+            np.zeros(1), x, u, np.broadcast_to(parameters, (len(x), parameters.shape[-1]))
+        )
+        x[:, moving : moving + system.nz] = found[0]
+        if saved is not None:
+            x[:, moving : moving + system.nz] = _continued(scene, saved.auxiliary, x[:, moving : moving + system.nz])
+    return x
+
+
+def _continued(scene: Scene, saved: Mapping[str, tuple[float, ...]], start: Array) -> Array:
+    """Auxiliary states (n, nz) at the start, those that a saved run holds replaced by its own."""
+    found, first = start.copy(), 0
+    for states in scene.auxiliary_states:
+        own = slice(first, first + states.size)
+        if len(saved.get(states.name, ())) == states.size:
+            found[:, own] = saved[states.name]
+        first += states.size
     return found
 
 

@@ -90,11 +90,16 @@ class DryFriction(JointForce):
 
         return casadi.SX(self.value(symbols, self.at_rest))
 
+    def limits(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """The least and the largest force at rest, N m or N."""
+        limit = self.limit(symbols)
+        return -limit, limit
+
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
         """The force (N m or N) at the joint's velocity while it moves in a direction, 1 or −1; 0 for 0."""
         import casadi
 
-        velocity = symbols.joint(self.joint).velocity
+        velocity = self.shaft(symbols).velocity
         coulomb = self.value(symbols, "coulomb")
         if self.at_rest == "coulomb":
             return -direction * coulomb
@@ -107,7 +112,7 @@ class DryFriction(JointForce):
         """The direction of motion, as held by a run; elsewhere the sign of the velocity."""
         import casadi
 
-        return symbols.signal(self.mode)[0] if symbols.held_sides else casadi.sign(symbols.joint(self.joint).velocity)
+        return symbols.signal(self.mode)[0] if symbols.held_sides else casadi.sign(self.shaft(symbols).velocity)
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """The force of sliding and the viscous one; that of a stuck joint follows from the equations of motion."""

@@ -18,6 +18,7 @@ from bellcrank.messages import format_value, unknown_name
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.expression import Expression, Term
     from bellcrank.elements.held_inputs import HeldSource
     from bellcrank.elements.signals import SignalSource
@@ -73,12 +74,14 @@ class GeneralisedForce:
         potential: The potential energy V, J, of the part of the force that is −∂V/∂q.
         power: The power of the rest of the force, W, which changes T + V.
         actuator: Whether a motor exerts the force.
+        kinetic: The kinetic energy, J, of bodies that are not the robot's, such as a rotor; None: there are none.
     """
 
     force: casadi.SX
     potential: casadi.SX
     power: casadi.SX
     actuator: bool
+    kinetic: casadi.SX | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,19 @@ class Element:
     def samples(self) -> HeldSource | None:
         """The entries of u that a sampled controller holds (sampled_controllers.py)."""
         return None
+
+    @property
+    def auxiliary(self) -> AuxiliaryStates | None:
+        """Its own states (auxiliary_states.py)."""
+        return None
+
+    def auxiliary_rate(self, symbols: Symbols) -> casadi.SX:
+        """The rates of its own states."""
+        raise NotImplementedError
+
+    def auxiliary_start(self, symbols: Symbols) -> casadi.SX:
+        """Its own states at the start, over time, position, velocity, signals and parameters."""
+        raise NotImplementedError
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The names and units of an output's columns, such as "x [N]"; the output's name precedes them."""

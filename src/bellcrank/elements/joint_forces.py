@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import (  # fmt: skip
@@ -29,10 +29,19 @@ from bellcrank.robot.robot import Robot, RobotJoint
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.symbols import Symbols
 
 REQUIRED: Final = None  # as a default in NUMBERS
 Numbers = Mapping[str, tuple[str, float | None, Bound]]
+
+
+class Shaft(NamedTuple):
+    """What turns or slides: its velocity, the row of it in v and the auxiliary states, and a rotor's own inertia."""
+
+    velocity: casadi.SX
+    row: int
+    inertia: casadi.SX | None = None  # None: a joint of the robot
 
 
 @dataclass(frozen=True)
@@ -60,6 +69,15 @@ class JointForce(Force):
     def settable(self) -> dict[str, Settable]:
         """Every number can be set."""
         return {key: Settable(joint_unit(self.joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
+
+    @property
+    def rotor(self) -> tuple[AuxiliaryStates, int] | None:
+        """Which of a drive's own states is the velocity of the rotor that it acts on; None: it acts on the joint."""
+        return None
+
+    def shaft(self, symbols: Symbols) -> Shaft:
+        """What it acts on: the joint, or a rotor."""
+        return Shaft(symbols.joint(self.joint).velocity, self.joint.v)
 
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """The generalised force at the joint."""

@@ -12,6 +12,7 @@ from bellcrank.robot.traced_tree import trace_tree
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.element import Element
     from bellcrank.elements.expression import Term
     from bellcrank.elements.parameters import Parameter
@@ -78,10 +79,12 @@ class Symbols:
         self._setters = {target: k for k, (_, p) in enumerate(self.parameters.items()) for target in p.sets}
         self._settings = [(*place, k) for k, p in enumerate(self.parameters.values()) for place in p.places]
         self._groups: dict[SignalSource, casadi.SX] = {}
+        self._auxiliary: dict[AuxiliaryStates, casadi.SX] = {}
         self._algorithms: dict[str, casadi.Function] = {}
         self._frames: dict[str, FrameSymbols] = {}
         self._gathered = list(dict.fromkeys(frames))
         self._frame_source: FrameSource | None = None
+        self.load_at_start = casadi.SX(robot.nv, 1)  # the forces that drives have to exert there (drives.py)
         self.holding: dict[str, casadi.SX] = {}  # the force of dry friction at a stuck joint, by name (stuck_joints.py)
 
     # ---- inputs
@@ -111,6 +114,27 @@ class Symbols:
         if source not in self._groups:
             self._groups[source] = casadi.SX.sym(f"u{len(self._groups)}", source.size)
         return casadi.reshape(self._groups[source], source.width, source.derivatives + 1)
+
+    @property
+    def z(self) -> casadi.SX:
+        """All auxiliary states used so far (nz), in the order of their first use."""
+        import casadi
+
+        return casadi.vertcat(casadi.SX(0, 1), *self._auxiliary.values())
+
+    def auxiliary(self, states: AuxiliaryStates) -> casadi.SX:
+        """The auxiliary states of an element, a column."""
+        import casadi
+
+        if states not in self._auxiliary:
+            self._auxiliary[states] = casadi.SX.sym(f"z{len(self._auxiliary)}", states.size)
+        return self._auxiliary[states]
+
+    def auxiliary_place(self, states: AuxiliaryStates) -> int:
+        """The first place of an element's auxiliary states in z."""
+        self.auxiliary(states)
+        names = list(self._auxiliary)
+        return sum(each.size for each in names[: names.index(states)])
 
     def sides(self, part: Element) -> Mapping[Term, casadi.SX]:
         """The entries of u that hold the sides of the switches of a force; none where they follow from the state."""

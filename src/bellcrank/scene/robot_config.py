@@ -30,6 +30,7 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission, transm
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
+from bellcrank.elements.drives import separate_rotors
 from bellcrank.elements.dry_friction import dry_joints
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
@@ -94,6 +95,8 @@ class RobotConfig:
         access: The rule which files the configuration may name.
         overrides: The values that sizing or a selection changed in the file, by dotted path.
         without_friction: The joints whose friction here is replaced by dry friction of the scene (dry_friction.py).
+        separate_rotors: The joints whose rotor turns by itself behind an elastic gear (elements/drives.py), so that its
+            inertia is not the joint's.
 
     Example:
         >>> import bellcrank as bc
@@ -124,6 +127,7 @@ class RobotConfig:
     access: FileAccess | None = field(default=None, repr=False, compare=False)
     overrides: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     without_friction: tuple[str, ...] = ()
+    separate_rotors: tuple[str, ...] = ()
 
     @property
     def coupled_motors(self) -> tuple[str, ...]:
@@ -182,7 +186,8 @@ class RobotConfig:
         """Rotor inertia by joint: the actuators' figures, where they state any, instead of `rotor_inertia`."""
         stated = {joint: one.known_inertia for joint, one in self.actuators.items() if joint not in self.coupled_motors}
         given = dict(self.rotor_inertia)
-        return given | {joint: inertia for joint, inertia in stated.items() if inertia > 0.0 or joint not in given}
+        found = given | {joint: inertia for joint, inertia in stated.items() if inertia > 0.0 or joint not in given}
+        return {joint: inertia for joint, inertia in found.items() if joint not in self.separate_rotors}
 
     def _unknown_inertias(self) -> Iterator[str]:
         """A sentence for each actuator of which an inertia is unknown, and so not part of the robot."""
@@ -397,6 +402,7 @@ def config_from_fields(fields: Fields, path: Path) -> RobotConfig:
         notes=_notes(fields),
         access=robot_access(fields, urdf),
         without_friction=dry_joints(fields),
+        separate_rotors=separate_rotors(fields),
     )
 
 

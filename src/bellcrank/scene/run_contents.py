@@ -35,7 +35,7 @@ CHECKPOINT: Final = "bellcrank run block"  # the other files of that folder
 VERSION: Final = 1
 LONGEST_REASON: Final = 300  # characters
 _ARRAYS = re.compile(
-    r"time|state|parameters|steps|multipliers|event_(time|position|velocity)|latch_velocity|end_(time|state)|"
+    r"time|state|parameters|steps|multipliers|event_(time|position|velocity|auxiliary)|latch_velocity|end_(time|state)|"
     r"held_(time|values)|"
     r"signal_(0|[1-9][0-9]{0,3})_(breaks|coefficients)"
 )
@@ -129,7 +129,7 @@ def joined_checkpoints(folder: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     spare = UNPACKED // len(names)  # the limit of one file applies to their sum
     parts = [archive_of(checkpoint_file(folder, name), CHECKPOINT, spare) for name in names]
     try:
-        for name in _ROWS:
+        for name in (*_ROWS, *(("event_auxiliary",) if "event_auxiliary" in parts[0][1] else ())):
             arrays[name] = np.concatenate([rows[name] for _, rows in parts])
         last, rows = parts[-1]
         arrays["steps"] = rows["steps"]  # each checkpoint holds all steps so far

@@ -39,13 +39,14 @@ class RunScene:
     """The facts that a start uses from the scene inside a run.
 
     They are the robot, the clock at time 0 (s), the names of latching events, and the names and widths of the signals
-    that the run found, which are its last ones.
+    that the run found, which are its last ones, and those of the auxiliary states of its elements.
     """
 
     robot: Robot
     clock: float
     latches: frozenset[str]
     held: tuple[tuple[str, int], ...] = ()
+    auxiliary: tuple[tuple[str, int], ...] = ()
 
 
 SceneReader = Callable[[Path], RunScene]
@@ -53,7 +54,8 @@ SceneReader = Callable[[Path], RunScene]
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """A row of a saved run: joints, position (nq,), velocity (nv,), clock, s, and what sampled controllers held.
+    """A row of a saved run: joints, position (nq,), velocity (nv,), clock, s, what sampled controllers
+    held, and the auxiliary states by the name of their element.
 
     Where they sample at that time, it is what they held before: the run that starts there samples then.
     """
@@ -64,6 +66,7 @@ class SavedState:
     velocity: Array
     clock: float
     held: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    auxiliary: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def write_position(self, robot: Robot, q: Array) -> None:
         """Write the position into q (nq,) of a robot with these joints."""
@@ -124,7 +127,8 @@ def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -
     with refusing(file):
         _check_texts(about)
         scene = read_scene(unpacked_scene(about))
-        times, states = _checked_rows(about, arrays, scene.robot)
+        own = sum(size for _, size in scene.auxiliary)
+        times, states = _checked_rows(about, arrays, scene.robot, own)
     robot = scene.robot
     k = len(times) - 1 if time is None else int(np.abs(times - time).argmin())
     if time is not None and not abs(times[k] - time) <= SAME_TIME * max(1.0, abs(time)):
@@ -139,7 +143,11 @@ def saved_state(path: str | Path, time: float | None, read_scene: SceneReader) -
     signals = about.get("signals")
     count = len(signals) if isinstance(signals, list) else 0
     held = _held(arrays, count, scene.held, float(times[k]))
-    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.clock, held)
+    auxiliary, first = {}, robot.nq + robot.nv
+    for name, size in scene.auxiliary:
+        auxiliary[name] = tuple(states[k, first : first + size].tolist())
+        first += size
+    return SavedState(file.name, robot.joints, q, v, float(times[k]) + scene.clock, held, auxiliary)
 
 
 def _held(arrays: Mapping[str, Array], count: int, named: Sequence[tuple[str, int]], time: float) -> dict[str, Any]:
@@ -182,13 +190,13 @@ def _check_texts(about: Mapping[str, Any]) -> None:
         raise ValueError("'settings.duration': expected a number")
 
 
-def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: Robot) -> tuple[Array, Array]:
-    """Check and return the times (n,), s, and states (n, nq + nv, or one more) of a run. Raises ValueError."""
+def _checked_rows(about: Mapping[str, Any], arrays: Mapping[str, Array], robot: Robot, own: int) -> tuple[Array, Array]:
+    """Check and return the times (n,), s, and states (n, nq + nv + own, or one more) of a run. Raises ValueError."""
     for name in ("time", "state"):
         if name not in arrays:
             raise ValueError(f"there is no '{name}'")
     times, states = arrays["time"], arrays["state"]
-    widths = (robot.nq + robot.nv, robot.nq + robot.nv + 1)  # without and with the work W
+    widths = (robot.nq + robot.nv + own, robot.nq + robot.nv + own + 1)  # without and with the work W
     if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or np.any(np.diff(times) < 0.0):
         raise ValueError("'time' is not a list of finite times in non-decreasing order")
     latest = float(about["settings"]["duration"]) * (1.0 + SAME)

@@ -21,12 +21,14 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
+from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
 from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import read_control
+from bellcrank.elements.drives import Drive, RotorFriction, read_drives
 from bellcrank.elements.dry_friction import DryFriction, read_dry_friction
 from bellcrank.elements.element import Element, Force, joint_unit
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
@@ -282,13 +284,32 @@ class Scene(Portable):
 
     @property
     def elements(self) -> tuple[Element, ...]:
-        """The forces, controllers and constraints."""
-        return (*self.forces, *self.control, *self.constraints)
+        """The forces, controllers and constraints, and the dry friction of rotors."""
+        return (*self.forces, *self.control, *self.constraints, *self._rotor_friction)
 
     @property
     def dry_friction(self) -> tuple[DryFriction, ...]:
         """The dry friction of joints, which is among the forces."""
         return tuple(part for part in self.forces if isinstance(part, DryFriction))
+
+    @property
+    def parts_with_modes(self) -> tuple[DryFriction | JointStop, ...]:
+        """What sticks or holds: dry friction of joints, then that of rotors, then rigid stops."""
+        return (*self.dry_friction, *self._rotor_friction, *self.stops_of_joints)
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """The drives of actuators with a `model`, which are among the controllers."""
+        return tuple(part for part in self.control if isinstance(part, Drive))
+
+    @property
+    def _rotor_friction(self) -> tuple[RotorFriction, ...]:
+        return tuple(drive.friction for drive in self.drives if drive.friction is not None)
+
+    @property
+    def auxiliary_states(self) -> tuple[AuxiliaryStates, ...]:
+        """The states of elements besides positions and velocities, in the order in which they follow these in x."""
+        return tuple(states for part in self.elements if (states := part.auxiliary) is not None)
 
     @property
     def stops_of_joints(self) -> tuple[JointStop, ...]:
@@ -475,7 +496,9 @@ def scene_of_run(source: Path) -> RunScene:
     """The facts that a start takes from the scene inside a saved run. Raises InputError as `load_scene` does."""
     scene = load_held_scene(source)
     held = tuple((source.name, source.width) for source in scene.held_sources)
-    return RunScene(scene.robot, scene.initial.clock, frozenset(rule.name for rule in scene.events if rule.latch), held)
+    auxiliary = tuple((states.name, states.size) for states in scene.auxiliary_states)
+    latches = frozenset(rule.name for rule in scene.events if rule.latch)
+    return RunScene(scene.robot, scene.initial.clock, latches, held, auxiliary)
 
 
 def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
@@ -507,17 +530,11 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     forces = (*forces, *read_joint_stops(read, robot, formulas, [force.name for force in forces], driven))
     motors = config.actuated or config.joints_with_actuators
     initial = read_initial(read, robot, config.motions, motors, scene_of_run)
-    control = read_control(
-        read,
-        ControlContext(
-            Driven.of(robot, motors),
-            config.motions,
-            motion_of,
-            formulas,
-            initial.clock,
-            {} if initial.saved is None else initial.saved.held,
-        ),
-    )
+    held = {} if initial.saved is None else initial.saved.held
+    control_context = ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock, held)
+    control = read_control(read, control_context)
+    sticking = [part.joint.name for part in forces if isinstance(part, DryFriction)]
+    control = (*control, *read_drives(read, config.actuators, robot, control_context, sticking, control))
     refuse_joints_off_paths(constraints, control, robot, config.motions)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)

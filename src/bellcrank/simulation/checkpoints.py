@@ -36,7 +36,14 @@ from bellcrank.scene.run_contents import (
 )
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
-from bellcrank.simulation.save_run import file_contents, refuse_functions, run_path, save_run, write_archive
+from bellcrank.simulation.save_run import (
+    event_auxiliary,
+    file_contents,
+    refuse_functions,
+    run_path,
+    save_run,
+    write_archive,
+)
 from bellcrank.simulation.statistics import Statistics, statistics_of
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
@@ -144,6 +151,8 @@ class CheckpointWriter:
             "end_time": np.array([block.end_time]),
             "end_state": block.end_state[None],
         }
+        if self._run.scene.auxiliary_states:
+            arrays["event_auxiliary"] = x[:, nq + nv : nq + nv + system_of(self._run.scene).nz]
         if self._run.scene.held_sources:
             arrays |= {n: np.concatenate([getattr(b, n) for b in self._waiting]) for n in ("held_time", "held_values")}
         rules = [self._run.scene.events[k] for k in index.tolist()]
@@ -184,6 +193,8 @@ class CheckpointWriter:
             "end_time": run.time[-1:],
             "end_state": run.state[-1:],
         }
+        if run.scene.auxiliary_states:
+            arrays["event_auxiliary"] = event_auxiliary(run.scene, rest)
         held = run.signals[len(run.signals) - len(run.scene.held_sources) :]
         if held:
             breaks, values = held[0].breaks[:-1], np.concatenate([s.coefficients[:, 0] for s in held], axis=1)

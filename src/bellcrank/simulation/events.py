@@ -53,6 +53,7 @@ class Event:
         stopped: Whether it ended the run.
         multipliers: Lagrange multipliers (rows,) at the event.
         latch: The impact of its latch; None without one.
+        auxiliary: States of drives (nz,) at the event (`Trajectory.auxiliary`).
     """
 
     name: str
@@ -62,6 +63,12 @@ class Event:
     stopped: bool
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
     latch: Latch | None = None
+    auxiliary: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def state(self) -> Array:
+        """Position, velocity and auxiliary states (nq + nv + nz,)."""
+        return np.concatenate([self.position, self.velocity, self.auxiliary])
 
     @property
     def impulse(self) -> float:
@@ -78,18 +85,20 @@ def event_at(
     scene: Scene,
     k: int,
     time: float,
-    position: Array,
-    velocity: Array,
+    state: Array,
     parameters: Array,
     signals: Sequence[Signal] | None = None,
 ) -> Event:
     """Event number k of a scene at a time (s) and a state, with multipliers and the impact of its latch.
 
+    The state is that of the equations, with or without the work.
+
     `signals`: those of the run, by default the scene's.
     """
     system, rule = system_of(scene), scene.events[k]
     x, t = np.zeros(system.size), np.array([time])
-    x[: system.nq], x[system.nq : system.nq + system.nv] = position, velocity
+    moving, own = system.nq + system.nv, system.nq + system.nv + system.nz
+    x[:own] = state[:own]
     signals = scene.signals if signals is None else signals
     arguments = (t, x, values_at(signals, t)[0] if signals else NO_SIGNALS, parameters)
     multipliers = system.constraint(*arguments)[0] if scene.constraints else np.zeros(0)
@@ -106,8 +115,9 @@ def event_at(
     return Event(
         name=rule.name,
         time=time,
-        position=position,
-        velocity=velocity,
+        position=x[: system.nq].copy(),
+        velocity=x[system.nq : moving].copy(),
+        auxiliary=x[moving:own].copy(),
         stopped=rule.stop,
         multipliers=multipliers,
         latch=latch,

@@ -33,8 +33,8 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     if not sources:
         return None
     system, count = system_of(scene), sum(len(part.switches) for part in scene.elements)
-    modes = (*scene.dry_friction, *scene.stops_of_joints)
-    rows = [system.nq + part.joint.v for part in modes]
+    modes = scene.parts_with_modes
+    rows = [system.nq + row for row in mode_rows(scene)]
     updates = [
         (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
         for k, part in enumerate(scene.control)
@@ -49,9 +49,20 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         mode_rows=rows,
         mode_places=[part.joint.q for part in modes],
         work_row=system.size - 1 if system.has_work else -1,
+        response_rows=system.nv + system.nz,
         mode_turn=make_ready(((system.mode_turn, "scalar"),))[0] if rows else 0,
         updates=[(address, each.first, each.period) for address, each in updates],
     )
+
+
+def mode_rows(scene: Scene) -> list[int]:
+    """The place of the velocity of each part with modes in v and the auxiliary states."""
+    found, states = [], scene.auxiliary_states
+    for part in scene.parts_with_modes:
+        own = part.rotor
+        before = 0 if own is None else sum(each.size for each in states[: states.index(own[0])])
+        found.append(part.joint.v if own is None else scene.robot.nv + before + own[1])
+    return found
 
 
 def function_updates(scene: Scene) -> list[Update | None]:

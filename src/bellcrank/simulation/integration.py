@@ -23,7 +23,7 @@ from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
 from bellcrank.dynamics.constraint_rows import coordinate_weights
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.system import start_states, system_of
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.element import joint_unit
 from bellcrank.elements.joint_stops import JointStop
@@ -145,9 +145,8 @@ def prepared_integration(
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
     signals = signals[: len(signals) - len(scene.held_sources)]
     refuse_singular_mass_matrix(scene)
-    x0 = np.zeros(system.size)
     q0, v0 = consistent_start(scene)
-    x0[: system.nq], x0[system.nq : system.nq + system.nv] = q0, v0
+    x0 = start_states(scene, q0[None], v0[None], parameters)[0]
     refuse_open_contact(scene, parameters, x0)
     refuse_impossible_contacts(scene, parameters, q0)
     # code for many states at once pays off where an evaluation is cheap beside it
@@ -198,9 +197,8 @@ def _finite_rows(time: Array, state: Array, status: Status) -> tuple[Array, Arra
 
 
 def _events(scene: Scene, result: StepResult, parameters: Array, signals: tuple[Signal, ...]) -> tuple[Event, ...]:
-    nq, nv = scene.robot.nq, scene.robot.nv
     return tuple(
-        event_at(scene, int(k), float(t), x[:nq], x[nq : nq + nv], parameters, signals)
+        event_at(scene, int(k), float(t), x, parameters, signals)
         for k, t, x in zip(result.event_index, result.event_time, result.event_state, strict=True)
     )
 
@@ -280,9 +278,9 @@ def state_layout(scene: Scene) -> StateLayout:
     system = system_of(scene)
     prescribed = any(constraint.source is not None for constraint in scene.constraints)
     return StateLayout(
-        norm_size=system.size if prescribed else system.nq + system.nv,
+        norm_size=system.size if prescribed else system.nq + system.nv + system.nz,
         nq=system.nq,
-        joints=[(joint.q, joint.nq, joint.v, joint.nv) for joint in scene.robot.joints],
+        joints=[(j.q, j.nq, j.v, j.nv) for j in scene.robot.joints] if not system.nz else (),
         unit_parts=[(part.start, part.stop - part.start) for part in unit_vectors(scene.robot.joints)],
         weights=coordinate_weights(scene) if scene.constraints else None,
     )

@@ -127,6 +127,7 @@ class HeldEntries:
         mode_kinds: 0 for dry friction, 1 for a stop.
         mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
         work_row: The entry of x that is the work, which impacts change; −1: there is none.
+        response_rows: How many entries of x, from the velocities on, the forces of modes accelerate.
         mode_turn: Address of (t, x, u, p) -> what new modes are found by (`StuckJoints.turn`); 0 without modes.
         updates: (address of (t, x, u, p) -> all entries after sides and modes, first time s, period s) of each update;
             with the address 0 a function that `PreparedProblem.run` is given computes them.
@@ -139,6 +140,7 @@ class HeldEntries:
     mode_rows: Sequence[int] = ()
     mode_places: Sequence[int] = ()
     work_row: int = -1
+    response_rows: int = 0
     mode_turn: int = 0
     updates: Sequence[tuple[int, float, float]] = ()
 

@@ -74,6 +74,8 @@ def between(run: Trajectory) -> Callable[[Array], Trajectory]:
     def at(times: Array) -> Trajectory:
         state = np.zeros((len(times), run.state.shape[1]))
         state[:, :nq], state[:, nq : nq + nv] = smooth(times)
+        for k in range(nq + nv, nq + nv + system_of(run.scene).nz):
+            state[:, k] = np.interp(times, run.time, run.state[:, k])
         return replace(run, time=times, state=_with_work(run, times, state))
 
     return at
@@ -134,7 +136,13 @@ def _rate(run: Trajectory, t: Array, state: Array) -> Array:
     """dx/dt (m, nx) by the accelerations of the equations of motion; 0 for the work."""
     there = replace(run, time=t, state=state)
     q, v, a = there.position, there.velocity, there.acceleration
-    rate = np.zeros_like(state)
+    rate, own = (
+        np.zeros_like(state),
+        slice(run.robot.nq + run.robot.nv, run.robot.nq + run.robot.nv + system_of(run.scene).nz),
+    )
+    if system_of(run.scene).nz:
+        found = system_of(run.scene).rhs(*there._arguments)
+        rate[:, own] = (found[0] if isinstance(found, tuple) else found)[:, own]
     rate[:, : run.robot.nq], rate[:, run.robot.nq : run.robot.nq + run.robot.nv] = (
         rates(run.robot.joints, q, v, a)[0],
         a,

@@ -57,16 +57,17 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
         robot, settings, estimate = scene.robot, about["settings"], about["error_estimate"]
         robot.mesh_source = Path(file_name_here(about["urdf"]))
         robot.mesh_access = FileAccess.below(file.parent, trust)
-        check_arrays(about, arrays, scene, (robot.nq + robot.nv + system_of(scene).has_work,))
+        check_arrays(about, arrays, scene, (system_of(scene).size,))
         p = np.concatenate([arrays["parameters"], system_parameters(scene)[len(arrays["parameters"]) :]])
+        rows = [arrays["event_position"], arrays["event_velocity"]]
+        if system_of(scene).nz:
+            rows.append(arrays["event_auxiliary"])
         rules = [rule.name for rule in scene.events]
         parts = [_parts(arrays, f"signal_{k}_") for k in range(len(about["signals"]))]
         signals = tuple(Signal(**facts, **part) for facts, part in zip(about["signals"], parts, strict=True))
         events = tuple(
-            event_at(scene, rules.index(e["name"]), float(t), q, v, p, signals)
-            for e, t, q, v in zip(
-                about["events"], arrays["event_time"], arrays["event_position"], arrays["event_velocity"], strict=True
-            )
+            event_at(scene, rules.index(e["name"]), float(t), x, p, signals)
+            for e, t, x in zip(about["events"], arrays["event_time"], np.hstack(rows), strict=True)
         )
     run = Trajectory(
         scene=scene,

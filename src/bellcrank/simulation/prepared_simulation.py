@@ -16,6 +16,7 @@ from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities
 from bellcrank.dynamics.design_parameters import design_parameters
+from bellcrank.dynamics.system import start_states
 from bellcrank.elements.parameters import parameter_bounds
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
@@ -225,9 +226,8 @@ class PreparedSimulation:
             v, verdicts = consistent_velocities(scene, found.constrained, q, v, self._held[1])
             if verdicts.code[0]:
                 return None
-        x0 = np.zeros(len(self._integration.x0))
-        x0[: robot.nq], x0[robot.nq : robot.nq + robot.nv] = q[0], v[0]
-        return found.constrained.parameters[0], x0
+        p = found.constrained.parameters
+        return p[0], start_states(scene, q, v, p)[0]
 
     def _admits(self, parameter: Parameter, value: float) -> bool:
         if any(place[1] in INERTIAS for place in parameter.places):

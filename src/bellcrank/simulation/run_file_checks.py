@@ -109,6 +109,8 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
     robot, events = scene.robot, len(about["events"])
     sources, signals = scene.signal_sources, len(about["signals"])
     needed = ["time", "state", "parameters", "steps", *(f"event_{n}" for n in ("time", "position", "velocity"))]
+    size = sum(states.size for states in scene.auxiliary_states)
+    needed += ["event_auxiliary"] if size else []
     needed += [f"signal_{k}_{part}" for k in range(signals) for part in ("breaks", "coefficients")]
     for name in needed:
         if name not in arrays:
@@ -125,6 +127,8 @@ def check_arrays(about: Mapping[str, Any], arrays: Mapping[str, Array], scene: S
         "event_position": (events, robot.nq),
         "event_velocity": (events, robot.nv),
     }
+    if size:
+        shapes["event_auxiliary"] = (events, size)
     for name, shape in shapes.items():
         if arrays[name].shape != shape or rows == 0:
             raise ValueError(f"'{name}' has the shape {arrays[name].shape}, expected {shape if rows else 'rows'}")
@@ -174,8 +178,8 @@ def _check_numbers(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Non
     bad = np.flatnonzero(~np.isfinite(whole).all(axis=1))
     if len(bad):
         raise ValueError(f"'state' is not finite at {arrays['time'][bad[0]]:.6g} s")
-    for name in ("parameters", "event_position", "event_velocity"):
-        if not np.isfinite(arrays[name]).all():
+    for name in ("parameters", "event_position", "event_velocity", "event_auxiliary"):
+        if name in arrays and not np.isfinite(arrays[name]).all():
             raise ValueError(f"'{name}' is not finite")
 
 

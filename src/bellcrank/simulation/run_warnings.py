@@ -143,7 +143,7 @@ def _false_events(run: Trajectory) -> list[str]:
     time = np.array([event.time for event in run.events])
     state = np.zeros((len(time), system.size))
     for row, event in zip(state, run.events, strict=True):
-        row[: system.nq + system.nv] = *event.position, *event.velocity
+        row[: len(event.state)] = event.state
 
     def value(t: Array, x: Array) -> Array:
         rows = system.events(t[:, None], x, values_at(run.signals, t), run.parameters)

@@ -10,6 +10,7 @@ import importlib.metadata
 import json
 import math
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ from bellcrank.version import version
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
+    from bellcrank.simulation.events import Event
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -58,11 +60,19 @@ def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:
         "event_position": np.array([event.position for event in run.events]).reshape(-1, nq),
         "event_velocity": np.array([event.velocity for event in run.events]).reshape(-1, nv),
     }
+    if run.scene.auxiliary_states:
+        arrays["event_auxiliary"] = event_auxiliary(run.scene, run.events)
     if run.events and (latch := run.events[-1].latch) is not None:
         arrays["latch_velocity"] = latch.velocity  # a run that starts from the file continues from it
     target = run_path(path)
     write_archive(target, about, arrays, lasting)
     return target
+
+
+def event_auxiliary(scene: Scene, events: Sequence[Event]) -> Array:
+    """The auxiliary states (events, nz) at events."""
+    size = sum(states.size for states in scene.auxiliary_states)
+    return np.array([event.auxiliary for event in events]).reshape(-1, size)
 
 
 def run_path(path: str | Path) -> Path:

@@ -145,6 +145,17 @@ class StateHistory(Portable):
         return self.state[:, self.robot.nq : self.robot.nq + self.robot.nv]
 
     @property
+    def auxiliary(self) -> Array:
+        """States of drives (n, nz), in the order of `auxiliary_names`: rotors, currents, integrators of controllers."""
+        first = self.robot.nq + self.robot.nv
+        return self.state[:, first : first + system_of(self.scene).nz]
+
+    @property
+    def auxiliary_names(self) -> tuple[str, ...]:
+        """The names of the states of drives (nz), with the name of the drive and the unit."""
+        return tuple(f"{own.name} {label}" for own in self.scene.auxiliary_states for label in own.labels)
+
+    @property
     def work(self) -> Array:
         """Work W (n,) J that actuators, dampers and friction have done since the start, integrated by the solver."""
         return self.state[:, -1] if system_of(self.scene).has_work else np.zeros(len(self.time))

@@ -18,7 +18,7 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.system import start_states, system_of, system_parameters
 from bellcrank.errors import BellcrankError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.baumgarte_gains import automatic_gains
@@ -221,10 +221,9 @@ def _checked_start(scene: Scene) -> tuple[Scene, Array, Array]:
         scene = replace(scene, settings=replace(settings, stabilisation=chosen))
     prescribed_motion_end(scene)
     refuse_singular_mass_matrix(scene)
-    system, parameters = system_of(scene), system_parameters(scene)
-    start = np.zeros(system.size)
+    parameters = system_parameters(scene)
     q, v = consistent_start(scene)
-    start[: system.nq], start[system.nq : system.nq + system.nv] = q, v
+    start = start_states(scene, q[None], v[None], parameters)[0]
     refuse_open_contact(scene, parameters, start)
     refuse_infinite_start(scene, parameters, start)
     return scene, parameters, start

@@ -55,7 +55,7 @@ def single_runs(group: DesignGroup, result: EnsembleResult, progress: Callable[[
 def store_run(result: EnsembleResult, row: int, run: Trajectory) -> None:
     """Put what a run found into a row of the record; extremes are those of the run's rows."""
     system, events, known = system_of(run.scene), run.scene.events, set[str]()
-    size = system.nq + system.nv
+    size = system.nq + system.nv + system.nz
     result.status[row] = list(Status).index(run.status)
     result.end_time[row], result.end_state[row] = run.time[-1], run.state[-1]
     result.stopped_by[row] = -1
@@ -69,7 +69,7 @@ def store_run(result: EnsembleResult, row: int, run: Trajectory) -> None:
         result.event_time[row, k], result.event_state[row, k] = np.nan, np.nan
         if mine:
             result.event_time[row, k] = mine[0].time
-            result.event_state[row, k, :size] = np.concatenate([mine[0].position, mine[0].velocity])
+            result.event_state[row, k, :size] = mine[0].state
             result.event_state[row, k, size:] = 0.0  # the work there is not kept
         if any(event.stopped for event in mine):
             result.stopped_by[row] = k

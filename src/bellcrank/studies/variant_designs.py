@@ -17,7 +17,7 @@ from bellcrank.dynamics.consistent_starts import (
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.dynamics.posture_search import Constrained
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.system import start_states, system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.integration import infinite_starts, open_contacts
@@ -91,7 +91,8 @@ class VariantDesigns:
             rows, designs, q, v = rows[good], designs.picked(good), q[good], v[good]
         consistent[:] = False
         consistent[rows] = True
-        x[rows, : system.nq], x[rows, system.nq : system.nq + system.nv] = q, v
+        if len(rows):
+            x[rows] = start_states(self.scene, q, v, designs.parameters)
         for k, text in self._refused(designs.parameters, x[rows]).items():
             reasons[int(rows[k])] = text
         return Starts(

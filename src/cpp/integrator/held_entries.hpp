@@ -19,7 +19,7 @@ class Held {
       : rhs_(rhs), p_(rhs.problem), h_(p_.held), record_(record), view_(functions(p_)), changes_(rhs, last, view_),
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
         before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
-        found_(h_.mode_count * (p_.nv + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
+        found_(h_.mode_count * (h_.response_rows + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
         struck_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
@@ -208,16 +208,18 @@ class Held {
     if (h_.turn(in, out) != 0) return false;
     const double* v = found_;
     const double* response = v + 2 * n;
-    const double* rest = response + n * p_.nv;
+    const double* rest = response + n * h_.response_rows;
     found = {v, v + n, response, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n,
              rest + 6 * n};
     double sum = 0;
-    for (int k = 0; k < n * (2 + p_.nv); ++k) sum += found_[k] * 0.0;
+    for (int k = 0; k < n * (2 + h_.response_rows); ++k) sum += found_[k] * 0.0;
     return sum == 0;
   }
 
   bool is_stop(int j) const { return h_.mode_kinds[j] == 1; }
-  double response(const Turn& f, int j, int k) const { return f.response[k * p_.nv + h_.mode_rows[j] - p_.nq]; }
+  double response(const Turn& f, int j, int k) const {
+    return f.response[k * h_.response_rows + h_.mode_rows[j] - p_.nq];
+  }
 
   // Whether constraints and prescribed motions alone determine how a joint moves, so that no force holds it.
   bool determined(const Turn& f, int j) const { return response(f, j, j) * f.inertia[j] <= 1e-9; }
@@ -339,7 +341,7 @@ class Held {
     modes_.solve(count);
     for (int k = 0; k < count; ++k) {
       change += 0.5 * modes_.force[k] * modes_.right[k];
-      for (int i = 0; i < p_.nv; ++i) state_[p_.nq + i] += f.response[struck_[k] * p_.nv + i] * modes_.force[k];
+      for (int i = 0; i < h_.response_rows; ++i) state_[p_.nq + i] += f.response[struck_[k] * h_.response_rows + i] * modes_.force[k];
     }
     for (int k = 0; k < count; ++k) state_[h_.mode_rows[struck_[k]]] = 0;
     if (h_.work_row >= 0) state_[h_.work_row] += change;
@@ -377,7 +379,7 @@ class Held {
     if (change > 0) change = poisson(count, f);
     if (!(change - change == 0)) return false;
     for (int k = 0; k < count; ++k) {
-      for (int i = 0; i < p_.nv; ++i) state_[p_.nq + i] += f.response[struck_[k] * p_.nv + i] * modes_.force[k];
+      for (int i = 0; i < h_.response_rows; ++i) state_[p_.nq + i] += f.response[struck_[k] * h_.response_rows + i] * modes_.force[k];
       mode(struck_[k]).impulse = modes_.force[k];
     }
     for (int k = 0; k < count; ++k)

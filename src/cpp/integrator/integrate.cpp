@@ -44,7 +44,7 @@ struct Reading : ProblemReading {
     plain.held.switches = function<Kernel>(held, "switches");
     mode_kinds_ = get<std::vector<int>>(held, "mode_kinds"), mode_places_ = get<std::vector<int>>(held, "mode_places");
     plain.held.mode_kinds = mode_kinds_.data(), plain.held.mode_places = mode_places_.data();
-    plain.held.work_row = get<int>(held, "work_row");
+    plain.held.work_row = get<int>(held, "work_row"), plain.held.response_rows = get<int>(held, "response_rows");
     mode_rows_ = get<std::vector<int>>(held, "mode_rows");
     plain.held.mode_rows = mode_rows_.data(), plain.held.mode_count = static_cast<int>(mode_rows_.size());
     plain.held.turn = function<Kernel>(held, "mode_turn");
@@ -52,8 +52,10 @@ struct Reading : ProblemReading {
     require(plain.held.switch_count >= 0 && turning <= plain.held.count && (plain.held.switches || !turning) &&
                 (plain.held.turn || !plain.held.mode_count),
             "integrate: a held entry for each switch and mode, and their functions");
+    require(plain.held.response_rows >= 0 && plain.nq + plain.held.response_rows <= plain.n,
+            "integrate: forces of modes accelerate entries of x");
     for (const int row : mode_rows_)
-      require(row >= plain.nq && row < plain.nq + plain.nv, "integrate: modes are of velocities in x");
+      require(row >= plain.nq && row < plain.nq + plain.held.response_rows, "integrate: modes are of velocities in x");
     for (const int place : mode_places_) require(place >= 0 && place < plain.nq, "integrate: stops are of positions in x");
     require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
                 plain.held.work_row < plain.n,

@@ -55,9 +55,10 @@ struct HeldEntries {
   const int* mode_kinds;    // 0 dry friction, 1 a stop
   const int *mode_rows, *mode_places;  // the entries of x that are their velocities, and positions
   int work_row;             // the entry of x that is the work, which impacts change, or -1
+  int response_rows;        // how many entries of x, from nq on, forces of modes accelerate
   Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of joints at rest (m), the
-                            // response of all velocities to each force (m, nv), least and largest force at rest (m, m),
-                            // forces of sliding joints (m), lower and upper stop (m, m), restitution (m),
+                            // response of all velocities to each force (m, response_rows), least and largest force at
+                            // rest (m, m), forces of sliding joints (m), lower and upper stop (m, m), restitution (m),
                             // the joints' own inertias (m)
   const double* start;  // (count)
   Kernel switches;      // (t, x, u, p) -> the functions of sides, and those that are positive while modes last

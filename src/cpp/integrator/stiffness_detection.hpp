@@ -15,11 +15,14 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// Sums of squares of the entries of positions and velocities; of all entries in both where there are no positions.
+// Whether the equations are taken as of first order: there are no positions, or states beside positions and velocities.
+inline bool first_order(const Problem& p) { return p.nq == 0 || !p.joint_count; }
+
+// Sums of squares of the entries of positions and velocities; of all entries in both of equations of first order.
 struct SquareSums {
   double positions = 0, velocities = 0;
   void add(int i, double value, const Problem& p) {
-    (i < p.nq || p.nq == 0 ? positions : velocities) += value * value;
+    (i < p.nq || first_order(p) ? positions : velocities) += value * value;
   }
 };
 
@@ -33,7 +36,7 @@ inline int moving(const Problem& p) {
 // |lambda|^2 from the differences of two states and of their slopes; 0 where the states are equal.
 inline double rate_square(const Problem& p, const SquareSums& states, const SquareSums& slopes) {
   if (!(states.positions > 0)) return 0;
-  return p.nq == 0 ? slopes.positions / states.positions : std::sqrt(slopes.velocities / states.positions);
+  return first_order(p) ? slopes.positions / states.positions : std::sqrt(slopes.velocities / states.positions);
 }
 
 // Whether a step of size h is held short by a part that is not seen in the solution. `fast` and `own` are lambda^2 of

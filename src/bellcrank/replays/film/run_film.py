@@ -148,7 +148,10 @@ def run_trajectory(run: Trajectory, rows: int, frames: tuple[str, ...]) -> Sampl
 
 def _run_frames(run: Trajectory, time: Array, q: Array, v: Array, frame_pose: FramePose) -> RunFrames:
     state = np.zeros((len(time), system_of(run.scene).size))
-    state[:, : run.robot.nq], state[:, run.robot.nq : run.robot.nq + run.robot.nv] = q, v
+    moving = run.robot.nq + run.robot.nv
+    state[:, : run.robot.nq], state[:, run.robot.nq : moving] = q, v
+    for k in range(moving, moving + system_of(run.scene).nz):
+        state[:, k] = np.interp(time, run.time, run.state[:, k])
     return RunFrames(scene=run.scene, parameters=run.parameters, state=state, frame_pose=frame_pose, run=run, time=time)
 
 

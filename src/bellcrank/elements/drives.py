@@ -1,0 +1,523 @@
+"""Drives: the motor and gear of a joint in the loop, with the rotor, friction, the windings and the servo as states.
+
+An entry of `actuators` with a `model` is a drive. Its figures are those of the motor and gear of the entry. With φ and
+ω the rotor's angle and speed, N the ratio, q the joint's position and T the electrical torque,
+
+    δ = φ/N − q,    F = c δ + d δ̇      with `elastic`: F acts on the joint, and J ω̇ = T − F/N − friction
+    φ = N q                             without it: N T acts on the joint, and the rotor's inertia is the joint's
+
+`model: torque` is a motor whose torque is that of the command within the limits of the judge (short_time_limits.py):
+peak torque and current, voltage and largest speed. `model: dc` is the DC equivalent of the motor, of any kind:
+
+    L di/dt = U − R i − k_e ω,    T = k_t i,    |U| at most the bus voltage.
+
+The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
+joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
+Losses of an elastic gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1)
+where the motor drives the load and |P| (1 − η_b) where the load drives the motor, η_b = 0 being self-locking.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator_fields import DRIVE_KEYS
+from bellcrank.actuators.copper import resistance_factor
+from bellcrank.actuators.gear import Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.product_arrays import MotorArrays
+from bellcrank.actuators.short_time_limits import short_time_limits
+from bellcrank.config.fields import Fields
+from bellcrank.elements.auxiliary_states import AuxiliaryStates
+from bellcrank.elements.controller import ControlContext, Controller
+from bellcrank.elements.dry_friction import LAWS, DryFriction
+from bellcrank.elements.element import (  # fmt: skip
+    NONNEGATIVE,
+    POSITIVE,
+    GeneralisedForce,
+    Settable,
+    joint_named,
+    joint_unit,
+    number,
+)
+from bellcrank.elements.expression import Expression
+from bellcrank.elements.joint_forces import Shaft
+from bellcrank.elements.servos import Servo, read_servo
+from bellcrank.elements.signals import SignalSource
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.elements.symbols import Symbols
+    from bellcrank.robot.robot import Robot, RobotJoint
+
+MODELS: Final = ("torque", "dc")
+LOSS: Final = ("coulomb", "static", "speed", "viscous")
+LEAST_FRICTION: Final = 1e-12  # N m, so that a gear without load and friction still has a limit to compare with
+Numbers = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Drive(Controller):
+    """The drive of one joint.
+
+    Attributes:
+        model: "torque" or "dc".
+        gear: Its ratio; with an elastic gear also the inertia J at the rotor, stiffness c, damping d, efficiency and
+            back_efficiency.
+        loss: The rotor's friction: coulomb, static, speed, viscous.
+        law: How friction falls from static to Coulomb (dry_friction.py).
+        circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage;
+            of `torque` the limits |a T + b ω| ≤ 1: a1, b1, a2, b2, …
+        servo: The cascade of controllers; None: `command` gives torque or voltage.
+        command: The torque, N m at the rotor, or the voltage of a dc model.
+    """
+
+    model: str
+    gear: Numbers
+    loss: Numbers
+    law: str
+    circuit: Numbers
+    servo: Servo | None
+    command: Expression | None
+    kind: ClassVar[str] = "drive"
+
+    @property
+    def joint(self) -> RobotJoint:
+        """Its joint."""
+        return self.joints[0]
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether the rotor has states of its own."""
+        return "stiffness" in self.gear
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """All numbers but the limits of `torque`; of an elastic gear also its stiffness and damping."""
+        joint, found = self.joint, dict[str, Settable]()
+        units = {"resistance": "ohm", "inductance": "H", "torque_constant": "N m/A", "voltage_constant": "V s/rad"}
+        if self.model == "dc":
+            found |= {f"circuit.{key}": Settable(unit, POSITIVE) for key, unit in units.items()}
+        if self.is_elastic:
+            found["gear.stiffness"] = Settable(joint_unit(joint, "stiffness"), POSITIVE)
+            found["gear.damping"] = Settable(joint_unit(joint, "damping"), NONNEGATIVE)
+            found["gear.inertia"] = Settable("kg m^2", POSITIVE)
+        if self.friction is not None and self.loss["coulomb"]:
+            found["loss.coulomb"] = Settable(
+                "N m", POSITIVE if self.loss["static"] == self.loss["coulomb"] else NONNEGATIVE
+            )
+        found["loss.viscous"] = Settable("N m s/rad", NONNEGATIVE)
+        return found | ({} if self.servo is None else self.servo.settable)
+
+    def quantities(self) -> dict[str, str]:
+        """None: `settable` names them all."""
+        return {}
+
+    def number(self, name: str) -> float:
+        """The number of a field, such as "gear.stiffness" or "servo.speed.kp"."""
+        group, _, rest = name.partition(".")
+        if group == "servo":
+            assert self.servo is not None
+            return self.servo.number(rest)
+        numbers: Numbers = getattr(self, group)
+        return float(numbers[rest])
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """The command."""
+        return () if self.command is None else (self.command,)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames in the command."""
+        return () if self.command is None else self.command.frames
+
+    @property
+    def source(self) -> SignalSource | None:
+        """The motion that the servo follows."""
+        return None if self.servo is None else self.servo.motion
+
+    @property
+    def friction(self) -> RotorFriction | None:
+        """The dry friction of the rotor; None where there is none."""
+        lossless = not self.is_elastic or self.gear["efficiency"] == self.gear["back_efficiency"] == 1.0
+        if self.loss["static"] == 0.0 and lossless:
+            return None
+        coulomb, static, speed, viscous = (self.loss[key] for key in LOSS)
+        name = f"rotor_friction_{self.joint.name}"
+        return RotorFriction(
+            name, self.place, self.joint, coulomb, static, speed, viscous, self.law, static > coulomb, self
+        )
+
+    # ---- states
+
+    @property
+    def auxiliary(self) -> AuxiliaryStates | None:
+        """Rotor, current and the integrators of the servo."""
+        labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
+        labels += ["current [A]"] if self.model == "dc" else []
+        labels += [] if self.servo is None else self.servo.states
+        return AuxiliaryStates(self.name, tuple(labels)) if labels else None
+
+    def _states(self, symbols: Symbols) -> list[casadi.SX]:
+        import casadi
+
+        own = self.auxiliary
+        return [] if own is None else casadi.vertsplit(symbols.auxiliary(own))
+
+    def rotor(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """The rotor's angle (rad) and speed (rad/s)."""
+        if self.is_elastic:
+            angle, speed, *_ = self._states(symbols)
+            return angle, speed
+        position, velocity, _ = symbols.joint(self.joint)
+        return self.gear["ratio"] * position, self.gear["ratio"] * velocity
+
+    def gear_force(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+        """The force of an elastic gear on the joint (N m or N), its potential energy (J) and its power loss (W)."""
+        angle, speed = self.rotor(symbols)
+        position, velocity, _ = symbols.joint(self.joint)
+        ratio = self.gear["ratio"]
+        twist, rate = angle / ratio - position, speed / ratio - velocity
+        stiffness, damping = self.value(symbols, "gear.stiffness"), self.value(symbols, "gear.damping")
+        return stiffness * twist + damping * rate, 0.5 * stiffness * twist * twist, damping * rate * rate
+
+    def load_loss(self, symbols: Symbols, direction: casadi.SX | float) -> casadi.SX:
+        """The loss of an elastic gear (N m at the rotor, 0 or more) while the rotor turns in a direction, 1 or −1."""
+        import casadi
+
+        if not self.is_elastic:
+            return casadi.SX(0)
+        load = self.gear_force(symbols)[0] / self.gear["ratio"] * direction
+        driving, driven = 1.0 / self.gear["efficiency"] - 1.0, 1.0 - self.gear["back_efficiency"]
+        return casadi.fmax(load, 0.0) * driving + casadi.fmax(-load, 0.0) * driven
+
+    # ---- motor and servo
+
+    def torque(self, symbols: Symbols) -> casadi.SX:
+        """The electrical torque T, N m."""
+        if self.model == "torque":
+            return self.within_limits(symbols, self.commanded(symbols))
+        return self.value(symbols, "circuit.torque_constant") * self.current(symbols)
+
+    def voltage(self, symbols: Symbols) -> casadi.SX:
+        """The voltage of a dc model, V."""
+        return self.within_voltage(self.commanded(symbols))
+
+    def current(self, symbols: Symbols) -> casadi.SX:
+        """The current of a dc model, A."""
+        return self._states(symbols)[2 * self.is_elastic]
+
+    def within_voltage(self, voltage: casadi.SX) -> casadi.SX:
+        """A voltage within that of the bus, V."""
+        import casadi
+
+        bus = self.circuit.get("voltage")
+        return voltage if bus is None else casadi.fmax(casadi.fmin(voltage, bus), -bus)
+
+    def within_limits(self, symbols: Symbols, torque: casadi.SX) -> casadi.SX:
+        """A torque (N m) within the limits of the motor at the rotor's speed."""
+        import casadi
+
+        _, speed = self.rotor(symbols)
+        for k in range(len(self.circuit) // 2):
+            a, b = self.circuit[f"a{k}"], self.circuit[f"b{k}"]
+            torque = casadi.fmax(casadi.fmin(torque, (1.0 - b * speed) / a), (-1.0 - b * speed) / a)
+        return torque
+
+    def commanded(self, symbols: Symbols) -> casadi.SX:
+        """The command: of `torque` in N m, of `dc` in V, before limits."""
+        if self.servo is None:
+            assert self.command is not None
+            return self.command.value(symbols, None, symbols.sides(self))
+        return self.servo.command(self, symbols)
+
+    # ---- equations
+
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """The generalised force, potential energy and power that it adds to the equations of motion."""
+        torque = self.torque(symbols)
+        _, speed = self.rotor(symbols)
+        friction = self._friction_torque(symbols)
+        power = (torque + friction) * speed
+        if not self.is_elastic:
+            force = self.gear["ratio"] * (torque + friction)
+            return GeneralisedForce(symbols.joint_force(self.joint.v, force), symbols.zero, power, True)
+        force, potential, lost = self.gear_force(symbols)
+        kinetic = 0.5 * self.value(symbols, "gear.inertia") * speed * speed
+        return GeneralisedForce(symbols.joint_force(self.joint.v, force), potential, power - lost, True, kinetic)
+
+    def _friction_torque(self, symbols: Symbols) -> casadi.SX:
+        """The friction (N m) at the rotor that is not what keeps it at rest."""
+        _, speed = self.rotor(symbols)
+        friction, viscous = self.friction, -self.value(symbols, "loss.viscous") * speed
+        return viscous if friction is None else viscous + friction.at_rotor(symbols)
+
+    def auxiliary_rate(self, symbols: Symbols) -> casadi.SX:
+        """The rates of its states."""
+        import casadi
+
+        _, speed = self.rotor(symbols)
+        rates: list[casadi.SX] = []
+        if self.is_elastic:
+            load = self.gear_force(symbols)[0] / self.gear["ratio"]
+            rates += [
+                speed,
+                (self.torque(symbols) - load + self._friction_torque(symbols)) / self.value(symbols, "gear.inertia"),
+            ]
+        if self.model == "dc":
+            resistance, inductance, constant = (
+                self.value(symbols, f"circuit.{key}") for key in ("resistance", "inductance", "voltage_constant")
+            )
+            rates.append((self.voltage(symbols) - resistance * self.current(symbols) - constant * speed) / inductance)
+        if self.servo is not None:
+            rates += self.servo.rates(self, symbols)
+        return casadi.vertcat(*rates)
+
+    def auxiliary_start(self, symbols: Symbols) -> casadi.SX:
+        """Its states where it holds the joint's load at the start: the gear is wound up and the integrators are set."""
+        import casadi
+
+        position, velocity, row = symbols.joint(self.joint)
+        load, ratio = symbols.load_at_start[row], self.gear["ratio"]
+        speed, torque = ratio * velocity, load / ratio
+        found: list[casadi.SX] = []
+        if self.is_elastic:
+            found += [ratio * (position + load / self.value(symbols, "gear.stiffness")), speed]
+        if self.model == "dc":
+            found.append(torque / self.value(symbols, "circuit.torque_constant"))
+        if self.servo is not None:
+            found += self.servo.start(self, symbols, torque)
+        return casadi.vertcat(*found)
+
+    # ---- results
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The columns of an output."""
+        unit = joint_unit(self.joint, "torque")
+        found = ["motor torque [N m]", "rotor velocity [rad/s]", f"gear output [{unit}]"]
+        if self.is_elastic:
+            found.append(f"twist [{joint_unit(self.joint, 'position')}]")
+        if self.model == "dc":
+            found += ["current [A]", "voltage [V]"]
+        if self.servo is not None:
+            found.append(f"tracking error [{joint_unit(self.joint, 'position')}]")
+        return tuple(found)
+
+    def measure(self, symbols: Symbols) -> casadi.SX:
+        """Torque of the motor, speed of the rotor, force on the joint, twist, current, voltage, and tracking error."""
+        import casadi
+
+        angle, speed = self.rotor(symbols)
+        position = symbols.joint(self.joint).position
+        found = [self.torque(symbols), speed, self.generalised_force(symbols).force[self.joint.v]]
+        if self.is_elastic:
+            found.append(angle / self.gear["ratio"] - position)
+        if self.model == "dc":
+            found += [self.current(symbols), self.voltage(symbols)]
+        if self.servo is not None:
+            found.append(self.servo.wanted(self, symbols)[0] - position)
+        return casadi.vertcat(*found)
+
+
+@dataclass(frozen=True)
+class RotorFriction(DryFriction):
+    """The dry friction of a drive's rotor: at its own shaft behind an elastic gear, else at the joint."""
+
+    drive: Drive = field(repr=False)
+
+    @property
+    def rotor(self) -> tuple[AuxiliaryStates, int] | None:
+        """The rotor's velocity among the states of the drive."""
+        states = self.drive.auxiliary
+        return (states, 1) if states is not None and self.drive.is_elastic else None
+
+    def shaft(self, symbols: Symbols) -> Shaft:
+        """The rotor, or the joint."""
+        if self.rotor is None:
+            return super().shaft(symbols)
+        row = symbols.robot.nv + symbols.auxiliary_place(self.rotor[0]) + self.rotor[1]
+        inertia = symbols.zero + self.drive.value(symbols, "gear.inertia")
+        return Shaft(self.drive.rotor(symbols)[1], row, inertia)
+
+    @property
+    def _scale(self) -> float:
+        """Force at the shaft over torque at the rotor."""
+        return 1.0 if self.drive.is_elastic else self.drive.gear["ratio"]
+
+    def value(self, symbols: Symbols, name: str) -> casadi.SX | float:
+        """A number at the shaft."""
+        found = self.drive.value(symbols, f"loss.{name}")
+        return found / self._scale if name == "speed" else found * self._scale
+
+    def limits(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """The least and the largest force at rest: losses of the gear depend on the direction."""
+        import casadi
+
+        most = super().limit(symbols)
+        forward, backward = (self.drive.load_loss(symbols, d) for d in (1.0, -1.0))
+        least = LEAST_FRICTION
+        return -casadi.fmax(most + forward, least), casadi.fmax(most + backward, least)
+
+    def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
+        """The force at the shaft while it turns in a direction, 1 or −1."""
+        return super().sliding(symbols, direction) - direction * self.drive.load_loss(symbols, direction)
+
+    def at_rotor(self, symbols: Symbols) -> casadi.SX:
+        """The torque (N m) at the rotor while it turns; that of a stuck one follows from the equations of motion."""
+        return self.sliding(symbols, self.direction(symbols)) / self._scale
+
+    def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
+        """None: it is part of the drive's."""
+        return GeneralisedForce(symbols.joint_force(self.joint.v, 0.0), symbols.zero, symbols.zero, False)
+
+
+# ---- reading
+
+
+def read_drives(
+    read: Fields,
+    actuators: Mapping[str, Actuator],
+    robot: Robot,
+    context: ControlContext,
+    sticking: Sequence[str],
+    control: Sequence[Controller],
+) -> tuple[Drive, ...]:
+    """The drives of the entries of `actuators` that have a `model`.
+
+    `sticking` are the joints with dry friction of their own; `control` the scene's controllers. Raises InputError.
+    """
+    entries, found = read.mapping("actuators", {}), []
+    for name in entries:
+        entry = entries.mapping(name)
+        if "model" not in entry:
+            for key in DRIVE_KEYS[1:]:
+                if key in entry:
+                    raise entry.error(
+                        key, f"'{key}' describes a drive in a simulation, which needs 'model' ({' or '.join(MODELS)})"
+                    )
+            continue
+        joint = joint_named(entries, name, name, robot)
+        drive = _drive(entry, joint, actuators[name], context)
+        if not drive.is_elastic and drive.friction is not None and name in sticking:
+            raise entry.error(
+                "model",
+                f"joint '{name}' has dry_friction, and the rotor's friction acts at the joint too, since the gear is "
+                "rigid; write elastic, or rotor_friction: none and add the two",
+            )
+        for part in control:
+            if name in [each.name for each in part.joints]:
+                raise entry.error(
+                    "servo", f"control '{part.name}' acts at joint '{name}' too, past the motor; remove one of the two"
+                )
+        found.append(drive)
+    return tuple(found)
+
+
+def _drive(entry: Fields, joint: RobotJoint, actuator: Actuator, context: ControlContext) -> Drive:
+    model = entry.choice("model", MODELS)
+    motor, gear = actuator.rows
+    conditions = actuator.judged_under
+    numbers = _gear_numbers(entry, joint, motor, gear)
+    loss, law = _friction_numbers(entry, motor)
+    if model == "dc":
+        bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
+        hot = float(resistance_factor(conditions.winding_temperature))
+        resistance = _stated(entry, "motor.resistance", motor.resistance) * hot
+        circuit = {
+            "resistance": resistance,
+            "inductance": _stated(entry, "motor.inductance", motor.inductance),
+            "torque_constant": _stated(entry, "motor.torque_constant", motor.dc_torque_constant),
+            "voltage_constant": _stated(entry, "motor.torque_constant", motor.dc_voltage_constant),
+        } | ({} if bus is None else {"voltage": bus})
+        if motor.peak_electrical_torque is not None:
+            circuit["peak_torque"] = motor.peak_electrical_torque
+    else:
+        circuit = _torque_limits(motor, conditions)
+    servo, command = read_servo(entry, joint, model, context)
+    return Drive(f"drive_{joint.name}", entry, (joint,), None, model, numbers, loss, law, circuit, servo, command)
+
+
+def _stated(entry: Fields, key: str, value: float | None) -> float:
+    if value is None:
+        raise entry.error("model", f"model: dc requires '{key}', which is not stated; state it, or assume it")
+    return value
+
+
+def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) -> dict[str, float]:
+    ratio = 1.0 if gear.ratio is None else gear.ratio
+    if "elastic" not in entry:
+        return {"ratio": ratio}
+    elastic = entry.mapping("elastic")
+    elastic.only(("stiffness", "damping"))
+    if "stiffness" in elastic or gear.stiffness is None:
+        stiffness = number(elastic, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
+    else:
+        stiffness = gear.stiffness
+    damping = number(elastic, "damping", joint_unit(joint, "damping"), bound=NONNEGATIVE)
+    elastic.done()
+    missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia),
+                                      ("gear.efficiency", gear.efficiency)) if value is None]  # fmt: skip
+    if missing:
+        raise entry.error("elastic", f"an elastic gear requires {' and '.join(missing)}; state or assume it")
+    assert motor.rotor_inertia is not None and gear.inertia is not None and gear.efficiency is not None
+    inertia, back = motor.rotor_inertia + gear.inertia, gear.driven_efficiency
+    if not inertia > 0.0:
+        raise entry.error(
+            "elastic", "behind an elastic gear the rotor turns by itself; give it an inertia of more than 0"
+        )
+    assert back is not None
+    return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping,
+            "efficiency": gear.efficiency, "back_efficiency": back}  # fmt: skip
+
+
+def _friction_numbers(entry: Fields, motor: Motor) -> tuple[dict[str, float], str]:
+    """The friction of the rotor: `rotor_friction`, or that of the motor."""
+    given = entry.raw("rotor_friction", None)
+    if isinstance(given, str):
+        entry.choice("rotor_friction", ("none",))
+        return {"coulomb": 0.0, "static": 0.0, "speed": 1.0, "viscous": 0.0}, LAWS[0]
+    if given is None:
+        coulomb, viscous = motor.coulomb_torque, motor.viscous_coefficient
+        if coulomb is None or viscous is None:
+            raise entry.error(
+                "model",
+                "a drive requires the motor's friction, which is not stated; state motor.coulomb_friction and "
+                "motor.viscous_friction, or write rotor_friction {coulomb, viscous} or none",
+            )
+        return {"coulomb": coulomb, "static": coulomb, "speed": 1.0, "viscous": viscous}, LAWS[0]
+    read = entry.mapping("rotor_friction")
+    read.only((*LOSS, "law"))
+    coulomb = number(read, "coulomb", "N m", bound=NONNEGATIVE)
+    static = number(read, "static", "N m", coulomb, NONNEGATIVE)
+    if static < coulomb:
+        raise read.error("static", f"expected at least 'coulomb', {coulomb:g}, found {static:g}")
+    if "static" in read and static > coulomb and "speed" not in read:
+        raise read.error("static", "'static' requires 'speed', over which friction falls from it to 'coulomb'")
+    found = {"coulomb": coulomb, "static": static, "speed": number(read, "speed", "rad/s", 1.0, POSITIVE),
+             "viscous": number(read, "viscous", "N m s/rad", 0.0, NONNEGATIVE)}  # fmt: skip
+    law = read.choice("law", LAWS, LAWS[0])
+    read.done()
+    return found, law
+
+
+def _torque_limits(motor: Motor, conditions: Any) -> dict[str, float]:
+    """a and b of each known limit |a T + b ω| ≤ 1 that bounds the torque."""
+    found = dict[str, float]()
+    for limit in short_time_limits(MotorArrays.of((motor,)), conditions):
+        a, b = float(limit.torque[0]), float(limit.speed[0])
+        if math.isfinite(a) and math.isfinite(b) and a > 0.0:
+            k = len(found) // 2
+            found |= {f"a{k}": a, f"b{k}": b}
+    return found
+
+
+def separate_rotors(fields: Fields) -> tuple[str, ...]:
+    """The joints whose rotor has states of its own, so that its inertia is not the joint's. Raises InputError."""
+    entries = fields.mapping("actuators", {})
+    return tuple(name for name in entries if {"model", "elastic"} <= {*entries.mapping(name)})
