@@ -92,6 +92,11 @@ def actuator_data(actuator: Actuator, common: Conditions | None = None) -> dict[
     return data | condition_data(actuator.conditions, common, OF_AN_AXIS)
 
 
+def drive_data(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a joint's mapping says of the drive in a simulation."""
+    return {key: entry[key] for key in DRIVE_KEYS if key in entry}
+
+
 def _of_ratings(fields: Fields, common: Conditions) -> Actuator:
     curve = tuple((speed, torque) for speed, torque in fields.rows("curve", 2)) if "curve" in fields else None
     fields.known("curve", "motor", "gear")

@@ -179,9 +179,8 @@ def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
             inertia = joints.inertias(casadi.diag(mass_matrix(s)))
             before = casadi.vertcat(acceleration, z_rate)
             forces = joints.forces(before, response, inertia, regular=True)
-            after = joints.at_rest(before + response @ forces)
-            held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), after[robot.nv :])
-            acceleration = after[: robot.nv]
+            acceleration, rates = _parted(joints.at_rest(before + response @ forces), robot.nv)
+            held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), rates)
     for k, part in enumerate(held_parts):
         s.holding[part.name] = held.forces[k]
         if part.rotor is None:
@@ -246,6 +245,14 @@ class _Held(NamedTuple):
     auxiliary_rate: casadi.SX
 
 
+def _parted(both: casadi.SX, nv: int) -> tuple[casadi.SX, casadi.SX]:
+    """Accelerations (nv), and the rates of auxiliary states after them."""
+    import casadi
+
+    first, second = casadi.vertsplit(both, [0, nv, both.size1()])
+    return first, second
+
+
 def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
     """The dry friction and stops of a scene's joints, in a run. Raises InputError outside of one."""
     parts = scene.parts_with_modes
@@ -276,16 +283,16 @@ def _with_stuck_joints(
         response = joints.responses([a for a, _ in responses], nv)
         before = casadi.vertcat(found.acceleration, z_rate)
         forces = joints.forces(before, response, inertia, regular=False)
-        after = joints.at_rest(before + response @ forces)
+        acceleration, rates = _parted(joints.at_rest(before + response @ forces), nv)
         return (
             KktSolution(
-                after[:nv],
+                acceleration,
                 found.multipliers + casadi.horzcat(casadi.SX(m, 0), *[r for _, r in responses]) @ (place.T @ forces),
                 joints.at_rest(found.displacement),
                 joints.at_rest(found.velocity_change),
             ),
             forces,
-            after[nv:],
+            rates,
         )
 
     regular = [proximal(solution.proximal_factor, e, none, REFINEMENTS) for e in unit]

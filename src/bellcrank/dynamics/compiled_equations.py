@@ -17,6 +17,7 @@ from bellcrank.dynamics.kkt import ConstrainedSolution
 from bellcrank.dynamics.latch_impact import latch_impact
 from bellcrank.dynamics.observed_quantities import ObservedLayout, observed_quantities
 from bellcrank.dynamics.system_layout import Sizes, SparsityPattern, SystemLayout, entries
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.expression import term_value
 from bellcrank.elements.sampled_controllers import Sampled
 
@@ -199,7 +200,7 @@ class System:
             held = [
                 part.update(instant, s) if i == k else s.signal(part.samples)
                 for i, part in enumerate(self._scene.control)
-                if isinstance(part, Sampled)
+                if isinstance(part, Sampled | Drive) and part.samples is not None
             ]
             return self._state_function("update", [casadi.vertcat(*held)])
 

@@ -188,6 +188,11 @@ class EquationCode:
 
 def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
     """Refuse equations that have no derivatives at a state (InputError)."""
+    if scene.drives:
+        raise InputError(
+            f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which these "
+            "linear equations do not have; remove its 'model'"
+        )
     if not scene.held_sources:
         return
     sampled = [part.name for part in scene.control if part.samples is not None]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.dynamics.path_geometry import path_notes
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.joint_constraints import PrescribedMotion
@@ -38,7 +39,13 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
             f"forces "
             "require"
             for part in mechanism.scene.control
+            if not isinstance(part, Drive)
         ]
+        if drives := [part.joint.name for part in mechanism.scene.drives]:
+            found.append(
+                f"model, elastic, rotor_friction and servo of actuators ({', '.join(drives)}) act in simulations only: "
+                "motors are judged as if joints followed the motion exactly"
+            )
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
         if stops:
             found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from bellcrank import arguments
 from bellcrank.dynamics.assembly import assemble
 from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     import casadi
@@ -54,6 +55,11 @@ def scene_casadi(scene: Scene) -> casadi.Function:
     from bellcrank.scene.scene import Scene
 
     arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
+    if scene.drives:
+        raise InputError(
+            f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which this "
+            "function does not take; remove its 'model'"
+        )
     switches = bool(scene.dry_friction or scene.stops_of_joints) or any(part.switches for part in scene.elements)
     assembly = assemble(scene, held_sides=False) if switches else system_of(scene).assembly
     multipliers = casadi.SX(0, 1) if assembly.solution is None else assembly.solution.proximal.multipliers

@@ -45,7 +45,9 @@ from bellcrank.elements.element import (  # fmt: skip
     number,
 )
 from bellcrank.elements.expression import Expression
+from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_forces import Shaft
+from bellcrank.elements.sampled_controllers import Instants
 from bellcrank.elements.servos import Servo, read_servo
 from bellcrank.elements.signals import SignalSource
 
@@ -157,6 +159,21 @@ class Drive(Controller):
     # ---- states
 
     @property
+    def samples(self) -> HeldSource | None:
+        """What its sampled loops hold."""
+        return None if self.servo is None else self.servo.held(self.name)
+
+    @property
+    def instants(self) -> tuple[Instants, ...]:
+        """When its loops are sampled."""
+        return () if self.servo is None else self.servo.instants
+
+    def update(self, instant: int, symbols: Symbols) -> casadi.SX:
+        """What its loops hold after one of these instants."""
+        assert self.servo is not None
+        return self.servo.update(instant, self, symbols)
+
+    @property
     def auxiliary(self) -> AuxiliaryStates | None:
         """Rotor, current and the integrators of the servo."""
         labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
@@ -230,6 +247,18 @@ class Drive(Controller):
             torque = casadi.fmax(casadi.fmin(torque, (1.0 - b * speed) / a), (-1.0 - b * speed) / a)
         return torque
 
+    def _command_over_limit(self, symbols: Symbols) -> casadi.SX:
+        """The command over its limit: of torque the largest |a T + b ω|, else the voltage over that of the bus."""
+        import casadi
+
+        command, (_, speed) = self.commanded(symbols), self.rotor(symbols)
+        if self.model == "dc":
+            return casadi.fabs(command) / self.circuit["voltage"]
+        most = symbols.zero
+        for k in range(len(self.circuit) // 2):
+            most = casadi.fmax(most, casadi.fabs(self.circuit[f"a{k}"] * command + self.circuit[f"b{k}"] * speed))
+        return most
+
     def commanded(self, symbols: Symbols) -> casadi.SX:
         """The command: of `torque` in N m, of `dc` in V, before limits."""
         if self.servo is None:
@@ -292,7 +321,7 @@ class Drive(Controller):
         if self.model == "dc":
             found.append(torque / self.value(symbols, "circuit.torque_constant"))
         if self.servo is not None:
-            found += self.servo.start(self, symbols, torque)
+            found += self.servo.start(self, symbols, casadi.SX(torque))
         return casadi.vertcat(*found)
 
     # ---- results
@@ -305,9 +334,15 @@ class Drive(Controller):
             found.append(f"twist [{joint_unit(self.joint, 'position')}]")
         if self.model == "dc":
             found += ["current [A]", "voltage [V]"]
+        if self._is_limited:
+            found.append("command over limit [1]")
         if self.servo is not None:
             found.append(f"tracking error [{joint_unit(self.joint, 'position')}]")
         return tuple(found)
+
+    @property
+    def _is_limited(self) -> bool:
+        return any(key in self.circuit for key in ("a0", "voltage"))
 
     def measure(self, symbols: Symbols) -> casadi.SX:
         """Torque of the motor, speed of the rotor, force on the joint, twist, current, voltage, and tracking error."""
@@ -320,6 +355,8 @@ class Drive(Controller):
             found.append(angle / self.gear["ratio"] - position)
         if self.model == "dc":
             found += [self.current(symbols), self.voltage(symbols)]
+        if self._is_limited:
+            found.append(self._command_over_limit(symbols))
         if self.servo is not None:
             found.append(self.servo.wanted(self, symbols)[0] - position)
         return casadi.vertcat(*found)

@@ -14,6 +14,7 @@ back by the difference that the limit cuts off (back-calculation: K. J. Åström
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -24,6 +25,8 @@ from bellcrank.elements.controller import ControlContext
 from bellcrank.elements.controller_fields import all_joints, read_motion_name
 from bellcrank.elements.element import ANY, NONNEGATIVE, POSITIVE, Bound, Settable, joint_unit, number
 from bellcrank.elements.expression import Expression
+from bellcrank.elements.held_inputs import HeldSource, held_source
+from bellcrank.elements.sampled_controllers import MOST_WAITING, ROUNDING, Instants, samples_of
 from bellcrank.elements.signals import SignalSource, motion_source
 
 if TYPE_CHECKING:
@@ -38,6 +41,11 @@ LOOPS: Final[Mapping[str, Mapping[str, tuple[str, Bound]]]] = {
     "position": {"kp": ("1/s", NONNEGATIVE)},
     "speed": {"kp": ("N m s/rad", POSITIVE), "ti": ("s", POSITIVE)},
     "current": {"kp": ("V/A", NONNEGATIVE), "ki": ("V/A/s", NONNEGATIVE)},
+}
+BEGINNINGS: Final[Mapping[str, list[str]]] = {
+    "position": ["speed reference at the start [rad/s]"],
+    "speed": ["speed integrator at the start [N m]", "encoder before the start [rad]", "torque at the start [N m]"],
+    "current": ["current integrator at the start [V]", "voltage at the start [V]"],
 }
 COMMANDS: Final = {"torque": ("torque", "N m"), "dc": ("voltage", "V")}  # by model
 
@@ -55,6 +63,11 @@ class Servo:
         current: kp and ki, of model dc.
         feedforward: Shares of speed and torque.
         encoder: Where the position is measured, "motor" or "load".
+        samples: The sample times of the loops that are sampled, s.
+        delay: Of the output of the innermost sampled loop, s.
+        resolution: Of the encoder, rad at the rotor; 0: it is exact.
+        clock: That of the start of the simulation, s.
+        holds: What the sampled loops held at the end of the run that is continued.
     """
 
     motion: SignalSource | None
@@ -65,6 +78,11 @@ class Servo:
     current: Mapping[str, float]
     feedforward: Mapping[str, float]
     encoder: str
+    samples: Mapping[str, float]
+    delay: float
+    resolution: float
+    clock: float
+    holds: tuple[float, ...]
 
     @property
     def settable(self) -> dict[str, Settable]:
@@ -80,20 +98,173 @@ class Servo:
 
     @property
     def states(self) -> list[str]:
-        """Its integrators, with units."""
-        return [
-            *(["speed integrator [N m]"] if "ti" in self.speed else []),
-            *(["current integrator [V]"] if self.current else []),
-        ]
+        """The integrators of its continuous loops, and what the sampled ones begin with, with units.
 
-    def _own(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
-        """The integrators."""
+        The latter are constant: what a sampled loop holds is the difference from it.
+        """
+        found: list[str] = []
+        for loop in LOOPS:
+            if loop in self.samples:
+                found += BEGINNINGS[loop]
+            elif loop == "speed" and "ti" in self.speed:
+                found.append("speed integrator [N m]")
+            elif loop == "current" and self.current:
+                found.append("current integrator [V]")
+        return found
+
+    def _states(self, drive: Drive, symbols: Symbols) -> dict[str, list[casadi.SX]]:
+        """These states by loop."""
         import casadi
 
-        states = drive.auxiliary
-        if states is None or not self.states:
-            return []
-        return casadi.vertsplit(symbols.auxiliary(states))[-len(self.states) :]
+        own = drive.auxiliary
+        found: dict[str, list[casadi.SX]] = {}
+        if own is None:
+            return found
+        values = casadi.vertsplit(symbols.auxiliary(own))[own.size - len(self.states) :]
+        for loop in LOOPS:
+            count = len(BEGINNINGS[loop]) if loop in self.samples else int(self._integrates(loop))
+            found[loop], values = values[:count], values[count:]
+        return found
+
+    def _integrates(self, loop: str) -> bool:
+        return (loop == "speed" and "ti" in self.speed) or (loop == "current" and bool(self.current))
+
+    def _integrator(self, drive: Drive, symbols: Symbols, loop: str) -> casadi.SX:
+        """The integrator of a loop, 0 where it has none."""
+        if not self._integrates(loop):
+            return symbols.zero
+        return (self._held if loop in self.samples else self._states)(drive, symbols)[loop][0]
+
+    # ---- samples
+
+    @property
+    def _innermost(self) -> str:
+        """The sampled loop whose output waits for the delay."""
+        return [loop for loop in LOOPS if loop in self.samples][-1]
+
+    @property
+    def _waiting(self) -> int:
+        return math.floor(self.delay / self.samples[self._innermost] + ROUNDING)
+
+    @property
+    def _rest(self) -> float:
+        """The part of the delay that is not a multiple of the sample time, s."""
+        period = self.samples[self._innermost]
+        rest = self.delay - self._waiting * period
+        return rest if rest > ROUNDING * period else 0.0
+
+    def _sizes(self) -> dict[str, int]:
+        """How many values each sampled loop holds: its integrator, what it measured, and its output.
+
+        The output of the innermost one follows a queue of those that wait, newest first.
+        """
+        return {
+            loop: len(BEGINNINGS[loop]) + (self._waiting + 1 if loop == self._innermost else 0)
+            for loop in LOOPS
+            if loop in self.samples
+        }
+
+    def held(self, name: str) -> HeldSource | None:
+        """What its sampled loops hold, at the start."""
+        if not self.samples:
+            return None
+        size = sum(self._sizes().values())
+        return held_source(samples_of(name), self.holds if len(self.holds) == size else [0.0] * size)
+
+    def _held(self, drive: Drive, symbols: Symbols) -> dict[str, list[casadi.SX]]:
+        """These values by loop: integrator, position of the encoder, outputs."""
+        import casadi
+
+        assert drive.samples is not None
+        values, found = casadi.vertsplit(symbols.signal(drive.samples)), {}
+        begun = self._states(drive, symbols)
+        for loop, size in self._sizes().items():
+            found[loop] = [
+                value + start for value, start in zip(values[:size], _spread(begun[loop], size), strict=True)
+            ]
+            values = values[size:]
+        return found
+
+    @property
+    def instants(self) -> tuple[Instants, ...]:
+        """When each loop is sampled, from the outermost, and when a delayed output is applied."""
+        found = [(period, 0.0) for loop in LOOPS if (period := self.samples.get(loop)) is not None]
+        if self.samples and self._rest > 0.0:
+            found.append((self.samples[self._innermost], self._rest))
+        return tuple(
+            Instants(math.ceil((self.clock - offset) / period - ROUNDING) * period + offset - self.clock, period)
+            for period, offset in found
+        )
+
+    def update(self, instant: int, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """What it holds after one of its instants."""
+        import casadi
+
+        held = {loop: list(values) for loop, values in self._held(drive, symbols).items()}
+        loops = list(held)
+        if instant < len(loops):
+            loop, values = loops[instant], held[loops[instant]]
+            output = {"position": self._sample_position, "speed": self._sample_speed, "current": self._sample_current}
+            values[:] = output[loop](drive, symbols, values)
+        applied = self._innermost if self.samples else ""
+        if applied and (instant == len(loops) or (instant == loops.index(applied) and not self._rest > 0.0)):
+            held[applied][-1] = held[applied][-2]  # the oldest of those that wait
+        begun = self._states(drive, symbols)
+        return casadi.vertcat(
+            *[
+                value - start
+                for loop, values in held.items()
+                for value, start in zip(values, _spread(begun[loop], len(values)), strict=True)
+            ]
+        )
+
+    def _queued(self, loop: str, values: list[casadi.SX], first: list[casadi.SX], output: casadi.SX) -> list[casadi.SX]:
+        """The values of a loop with a new output: applied at once, or last in the queue of those that wait."""
+        if loop != self._innermost:
+            return [*first, output]
+        return [*first, output, *values[len(first) : -2], values[-1]]
+
+    def _sample_position(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
+        return self._queued("position", values, [], self._speed_asked(drive, symbols))
+
+    def _sample_speed(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
+        measured = self._angle(drive, symbols, drive.rotor(symbols)[0])
+        error = self.speed_reference(drive, symbols) - self._measured_speed(drive, symbols, values)
+        asked, torque = self._torques(drive, symbols, error)
+        integrator = values[0]
+        if "ti" in self.speed:
+            kp, ti = (drive.value(symbols, f"servo.speed.{key}") for key in ("kp", "ti"))
+            integrator += self.samples["speed"] / ti * (kp * error + torque - asked)
+        return self._queued("speed", values, [integrator, measured], torque)
+
+    def _sample_current(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
+        error = self._current_error(drive, symbols)
+        command = drive.value(symbols, "servo.current.kp") * error + values[0]
+        voltage = drive.within_voltage(command)
+        integrator = self._led_back(drive, symbols, values[0], error, voltage - command)
+        return self._queued("current", values, [integrator], voltage)
+
+    def _led_back(
+        self, drive: Drive, symbols: Symbols, integrator: casadi.SX, error: casadi.SX, excess: casadi.SX
+    ) -> casadi.SX:
+        ki = drive.value(symbols, "servo.current.ki")
+        back = drive.value(symbols, "circuit.resistance") / drive.value(symbols, "circuit.inductance")
+        return integrator + self.samples["current"] * (ki * error + back * excess)
+
+    def _measured_speed(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> casadi.SX:
+        """ω, or the difference of the encoder's positions over a sample time."""
+        angle, speed = drive.rotor(symbols)
+        if not self.resolution:
+            return speed
+        return (self._angle(drive, symbols, angle) - values[1]) / self.samples["speed"]
+
+    def _angle(self, drive: Drive, symbols: Symbols, angle: casadi.SX) -> casadi.SX:
+        """The rotor's angle as the encoder reads it."""
+        import casadi
+
+        return casadi.floor(angle / self.resolution) * self.resolution if self.resolution else angle
+
+    # ---- loops
 
     def wanted(self, drive: Drive, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
         """The joint's reference, its velocity and its acceleration."""
@@ -102,14 +273,22 @@ class Servo:
         found = symbols.signal(self.motion)
         return found[self.place, 0], found[self.place, 1], found[self.place, 2]
 
-    def _speed_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
-        """ω_r − ω."""
+    def _speed_asked(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """ω_r of the position controller."""
         ratio = drive.gear["ratio"]
         place, rate, _ = self.wanted(drive, symbols)
-        angle, speed = drive.rotor(symbols)
-        measured = angle / ratio if self.encoder == "motor" else symbols.joint(drive.joint).position
+        if self.encoder == "motor":
+            measured = self._angle(drive, symbols, drive.rotor(symbols)[0]) / ratio
+        else:
+            measured = self._angle(drive, symbols, ratio * symbols.joint(drive.joint).position) / ratio
         error = drive.value(symbols, "servo.position.kp") * (place - measured)
-        return ratio * (error + self.feedforward["speed"] * rate) - speed
+        return ratio * (error + self.feedforward["speed"] * rate)
+
+    def speed_reference(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """ω_r, held between samples."""
+        if "position" in self.samples:
+            return self._held(drive, symbols)["position"][-1]
+        return self._speed_asked(drive, symbols)
 
     def _torque_ahead(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """The torque that the motion requires at the rotor, rotor included."""
@@ -126,67 +305,92 @@ class Servo:
         own = drive.value(symbols, "gear.inertia") * ratio * a[drive.joint.v] if drive.is_elastic else 0.0
         return self.feedforward["torque"] * (load / ratio + own)
 
-    def _torques(self, drive: Drive, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
-        """The torque that the speed controller asks, and what the limits leave of it."""
+    def _torques(self, drive: Drive, symbols: Symbols, error: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+        """The torque that the speed controller asks for an error of speed, and what the limits leave of it."""
         import casadi
 
-        error = self._speed_error(drive, symbols)
         asked = drive.value(symbols, "servo.speed.kp") * error + self._torque_ahead(drive, symbols)
-        if "ti" in self.speed:
-            asked += self._own(drive, symbols)[0]
+        asked += self._integrator(drive, symbols, "speed")
         if drive.model == "torque":
             return asked, drive.within_limits(symbols, asked)
         most = drive.circuit.get("peak_torque")
         return asked, asked if most is None else casadi.fmax(casadi.fmin(asked, most), -most)
 
+    def _speed_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        return self.speed_reference(drive, symbols) - drive.rotor(symbols)[1]
+
+    def torque_reference(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """T_r, held between samples."""
+        if "speed" in self.samples:
+            return self._held(drive, symbols)["speed"][-1]
+        return self._torques(drive, symbols, self._speed_error(drive, symbols))[1]
+
     def _current_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
-        _, torque = self._torques(drive, symbols)
+        torque = self.torque_reference(drive, symbols)
         return torque / drive.value(symbols, "circuit.torque_constant") - drive.current(symbols)
 
     def command(self, drive: Drive, symbols: Symbols) -> casadi.SX:
-        """The torque (N m), or the voltage (V) of model dc, before its limits."""
+        """The torque (N m), or the voltage (V) of model dc, before its limits where it is not sampled."""
         if drive.model == "torque":
-            return self._torques(drive, symbols)[0]
+            if "speed" in self.samples:
+                return self.torque_reference(drive, symbols)
+            return self._torques(drive, symbols, self._speed_error(drive, symbols))[0]
+        if "current" in self.samples:
+            return self._held(drive, symbols)["current"][-1]
         proportional = drive.value(symbols, "servo.current.kp") * self._current_error(drive, symbols)
-        return proportional + self._own(drive, symbols)[-1]
+        return proportional + self._integrator(drive, symbols, "current")
 
     def rates(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
-        """The rates of the integrators."""
-        found = []
-        if "ti" in self.speed:
-            asked, torque = self._torques(drive, symbols)
+        """The rates of its states."""
+        rates: dict[str, list[casadi.SX]] = {}
+        if "ti" in self.speed and "speed" not in self.samples:
+            error = self._speed_error(drive, symbols)
+            asked, torque = self._torques(drive, symbols, error)
             kp, ti = (drive.value(symbols, f"servo.speed.{key}") for key in ("kp", "ti"))
-            found.append((kp * self._speed_error(drive, symbols) + torque - asked) / ti)
-        if self.current:
+            rates["speed"] = [(kp * error + torque - asked) / ti]
+        if self.current and "current" not in self.samples:
             ki = drive.value(symbols, "servo.current.ki")
             command = self.command(drive, symbols)
             excess = drive.within_voltage(command) - command
             # led back as fast as the winding's current follows the voltage
             back = drive.value(symbols, "circuit.resistance") / drive.value(symbols, "circuit.inductance")
-            found.append(ki * self._current_error(drive, symbols) + back * excess)
-        return found
+            rates["current"] = [ki * self._current_error(drive, symbols) + back * excess]
+        for loop in self.samples:
+            rates[loop] = [symbols.zero] * len(BEGINNINGS[loop])
+        return [rate for loop in LOOPS for rate in rates.get(loop, [])]
+
+    # ---- start
 
     def start(self, drive: Drive, symbols: Symbols, torque: casadi.SX) -> list[casadi.SX]:
-        """The integrators at the start, where the drive exerts a torque (N m) at the rotor."""
-        found: list[casadi.SX] = []
-        if "ti" in self.speed:
-            found.append(torque - self._torque_ahead(drive, symbols) - self._start_error(drive, symbols, torque))
-        if self.current:
-            _, velocity, _ = symbols.joint(drive.joint)
-            resistance, constant = (drive.value(symbols, f"circuit.{k}") for k in ("resistance", "voltage_constant"))
-            current = torque / drive.value(symbols, "circuit.torque_constant")
-            found.append(resistance * current + constant * drive.gear["ratio"] * velocity)
-        return found
-
-    def _start_error(self, drive: Drive, symbols: Symbols, torque: casadi.SX) -> casadi.SX:
-        """The proportional part of the speed controller at the start."""
+        """Its states at the start, where the drive exerts a torque (N m) at the rotor."""
         ratio = drive.gear["ratio"]
         place, rate, _ = self.wanted(drive, symbols)
         position, velocity, _ = symbols.joint(drive.joint)
         wound = ratio * torque / drive.value(symbols, "gear.stiffness") if drive.is_elastic else 0.0
         measured = position + wound if self.encoder == "motor" else position
         error = drive.value(symbols, "servo.position.kp") * (place - measured) + self.feedforward["speed"] * rate
-        return drive.value(symbols, "servo.speed.kp") * ratio * (error - velocity)
+        reference, turning = ratio * error, ratio * velocity
+        speed = torque - self._torque_ahead(drive, symbols)
+        speed -= drive.value(symbols, "servo.speed.kp") * (reference - turning)
+        found: list[casadi.SX] = []
+        if "position" in self.samples:
+            found.append(reference)
+        if "speed" in self.samples:
+            angle = self._angle(drive, symbols, ratio * (position + wound) - turning * self.samples["speed"])
+            found += [speed, angle, torque]
+        elif "ti" in self.speed:
+            found.append(speed)
+        if self.current:
+            resistance, constant = (drive.value(symbols, f"circuit.{k}") for k in ("resistance", "voltage_constant"))
+            current = torque / drive.value(symbols, "circuit.torque_constant")
+            voltage = resistance * current + constant * turning
+            found += [voltage, voltage] if "current" in self.samples else [voltage]
+        return found
+
+
+def _spread(starts: list[casadi.SX], size: int) -> list[casadi.SX]:
+    """What each value of a loop begins with: all outputs with the last one."""
+    return [*starts, *[starts[-1]] * (size - len(starts))]
 
 
 def read_servo(
@@ -199,7 +403,7 @@ def read_servo(
     if "torque" in read or "voltage" in read:
         read.only((name,))
         return None, context.formulas.read(read, name, unit)
-    read.only(("motion", "target", "position", "speed", "current", "feedforward", "encoder"))
+    read.only(("motion", "target", *LOOPS, "feedforward", "encoder", "sample_time", "delay", "resolution"))
     if ("target" in read) == ("motion" in read):
         found = "both" if "target" in read else "neither"
         raise read.error("target", f"expected a constant 'target' or the name of a 'motion', found {found}")
@@ -221,9 +425,48 @@ def read_servo(
         raise ahead.error("torque", "feed-forward of torque requires a 'motion' of a robot without free or ball joints")
     ahead.done()
     encoder = read.choice("encoder", ENCODERS, "motor")
+    samples, delay, resolution = _samples(read, model)
     read.done()
     place = [each.name for each in joints].index(joint.name)
-    return Servo(source, place, target, position, speed, current, shares, encoder), None
+    holds = tuple(context.held.get(samples_of(f"drive_{joint.name}"), ()))
+    return Servo(
+        source,
+        place,
+        target,
+        position,
+        speed,
+        current,
+        shares,
+        encoder,
+        samples,
+        delay,
+        resolution,
+        context.clock,
+        holds,
+    ), None
+
+
+def _samples(read: Fields, model: str) -> tuple[dict[str, float], float, float]:
+    """The sample times of the sampled loops, the delay and the encoder's resolution. Raises InputError."""
+    loops = tuple(loop for loop in LOOPS if model == "dc" or loop != "current")
+    if isinstance(read.raw("sample_time", None), Mapping):
+        each = read.mapping("sample_time")
+        each.only(loops)
+        given = {loop: number(each, loop, "s", 0.0, NONNEGATIVE) for loop in loops}
+        each.done()
+    else:
+        whole = number(read, "sample_time", "s", 0.0, NONNEGATIVE)
+        given = dict.fromkeys(loops, whole)
+    samples = {loop: period for loop, period in given.items() if period > 0.0}
+    delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
+    resolution = number(read, "resolution", "rad", 0.0, NONNEGATIVE)
+    if delay and not samples:
+        raise read.error("delay", "a delay belongs to a sampled servo; give 'sample_time'")
+    if resolution and not {"position", "speed"} <= {*samples}:
+        raise read.error("resolution", "an encoder with a resolution is sampled; give 'sample_time'")
+    if samples and delay > MOST_WAITING * (least := list(samples.values())[-1]):
+        raise read.error("delay", f"expected at most {MOST_WAITING} sample times, found {delay / least:.6g}")
+    return samples, delay, resolution
 
 
 def _gains(read: Fields, loop: str, optional: tuple[str, ...] = ()) -> dict[str, float]:

@@ -11,6 +11,8 @@ outputs: {NAME: ENTRY}, where an entry is one of
 - {constraint: NAME, what: multipliers | contact_point | friction_demand}: multipliers are forces on the body of the
   first frame; the others, of a rolling disk, are the point of contact in the world and friction over normal force;
 - {expression, unit} (elements/expression.py).
+
+A drive (elements/drives.py) that none of them names has an output of its own name.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.element import Element, Force, read_frame, read_joint
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.messages import unknown_name
@@ -132,4 +135,8 @@ def read_outputs(
             raise table.error(name, f"expected one of the keys {', '.join(kinds)}, found {found}")
         outputs[name] = Output(name, kinds[there[0]](entry))
         entry.done()
+    shown = [output.quantity.force for output in outputs.values() if isinstance(output.quantity, ForceOutput)]
+    for part in parts:
+        if isinstance(part, Drive) and part not in shown and part.name not in outputs:
+            outputs[part.name] = Output(part.name, ForceOutput(part, part.labels(robot)))
     return outputs

@@ -307,6 +307,12 @@ class Scene(Portable):
         return tuple(drive.friction for drive in self.drives if drive.friction is not None)
 
     @property
+    def sticking(self) -> dict[str, DryFriction]:
+        """Everything that dry friction can keep at rest, by name: "JOINT", or "JOINT rotor" of a drive."""
+        rotors = {f"{part.joint.name} rotor": part for part in self._rotor_friction}
+        return {part.joint.name: part for part in self.dry_friction} | rotors
+
+    @property
     def auxiliary_states(self) -> tuple[AuxiliaryStates, ...]:
         """The states of elements besides positions and velocities, in the order in which they follow these in x."""
         return tuple(states for part in self.elements if (states := part.auxiliary) is not None)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.held_inputs import found_signal
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
@@ -38,7 +39,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     updates = [
         (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
         for k, part in enumerate(scene.control)
-        if isinstance(part, Sampled)
+        if isinstance(part, Sampled | Drive)
         for i, each in enumerate(part.instants)
     ]
     return HeldEntries(
@@ -67,13 +68,13 @@ def mode_rows(scene: Scene) -> list[int]:
 
 def function_updates(scene: Scene) -> list[Update | None]:
     """The Python functions of the updates, None where one is compiled."""
-    sampled = [part for part in scene.control if isinstance(part, Sampled)]
+    sampled = [part for part in scene.control if isinstance(part, Sampled | Drive) and part.samples is not None]
     found: list[Update | None] = []
     first = 0
     for part in sampled:
         function = partial(_called, scene, part, first) if isinstance(part, FunctionController) else None
         found += [function] * len(part.instants)
-        first += part.samples.width
+        first += 0 if part.samples is None else part.samples.width
     return found
 
 

@@ -23,9 +23,9 @@ SHOWN = 4  # intervals or impacts of a joint in a summary
 
 def stuck_intervals(run: Trajectory, joint: str) -> Array:
     """Beginnings and ends (n, 2), s, of the intervals in which friction held a joint. Raises InputError."""
-    parts = {part.joint.name: part for part in run.scene.dry_friction}
+    parts = run.scene.sticking
     if joint not in parts:
-        raise InputError(f"{run.scene.name}: {unknown_name('joint with dry friction', joint, parts)}")
+        raise InputError(f"{run.scene.name}: {unknown_name('joint or rotor with dry friction', joint, parts)}")
     time, modes = _modes(run, parts[joint])
     return _intervals(run, time, modes[:, 1] == 0.0)
 
@@ -44,10 +44,10 @@ def impacts_at_stops(run: Trajectory, joint: str) -> Array:
 
 
 def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
-    """(name, value) of a summary: how long each joint with dry friction was stuck, and how it met its stops."""
-    for k, part in enumerate(run.scene.dry_friction):
-        found = stuck_intervals(run, part.joint.name)
-        yield ("stuck" if k == 0 else "", f"{part.joint.name} {_told(run, found) if len(found) else 'never'}")
+    """(name, value) of a summary: how long joints and rotors with dry friction were stuck, and how joints met stops."""
+    for k, name in enumerate(run.scene.sticking):
+        found = stuck_intervals(run, name)
+        yield ("stuck" if k == 0 else "", f"{name} {_told(run, found) if len(found) else 'never'}")
     first = True
     for stop in run.scene.stops_of_joints:
         hits, held = impacts_at_stops(run, stop.joint.name), intervals_at_stops(run, stop.joint.name)

@@ -46,6 +46,11 @@ def variables_of(scene: Scene, names: Sequence[str]) -> tuple[Variable, ...]:
 
     Raises InputError for an unknown name, or one that occurs twice, and for a scene whose forces switch.
     """
+    if scene.drives:
+        raise InputError(
+            f"{scene.source}: sensitivities: the states of drives ({scene.drives[0].name}) are not differentiated; "
+            "compare runs with values that differ a little"
+        )
     if held := scene.held_sources:
         raise InputError(
             f"{scene.source}: sensitivities: forces that switch and sampled controllers have no derivatives here "

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.actuator_fields import actuator_data, drive_data
 from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
@@ -171,7 +171,13 @@ def _without_catalogue(scene: Scene, data: dict[str, Any]) -> dict[str, Any]:
     actuators = scene.config.actuators
     if not any(isinstance(one, MotorWithGear) for one in actuators.values()):
         return {}
-    return {"actuators": {joint: actuator_data(one, scene.config.conditions) for joint, one in actuators.items()}}
+    before = data.get("actuators", {})
+    return {
+        "actuators": {
+            joint: actuator_data(one, scene.config.conditions) | drive_data(before.get(joint, {}))
+            for joint, one in actuators.items()
+        }
+    }
 
 
 def _add(files: dict[str, str], path: Path, text: str) -> str:

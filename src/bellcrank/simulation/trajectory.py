@@ -216,7 +216,7 @@ class Trajectory(StateHistory):
         """Return when dry friction kept a joint at rest.
 
         Args:
-            joint: The name of a joint with `dry_friction` in the scene.
+            joint: The name of a joint with `dry_friction` in the scene, or "JOINT rotor" for the rotor of a drive.
 
         Returns:
             Beginnings and ends (n, 2) of these intervals, s.
@@ -233,7 +233,7 @@ class Trajectory(StateHistory):
         """
         from bellcrank.simulation.joint_contacts import stuck_intervals
 
-        arguments.text("joint", joint, "the name of a joint with dry friction")
+        arguments.text("joint", joint, "the name of a joint or rotor with dry friction")
         return stuck_intervals(self, joint)
 
     def at_stop(self, joint: str) -> Array:

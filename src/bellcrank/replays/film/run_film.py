@@ -216,8 +216,7 @@ def _timeline_events(run: Trajectory, events: Sequence[Event], end: float) -> tu
 
 def _sticking(run: Trajectory, end: float) -> Iterator[TimelineEvent]:
     """When joints with dry friction stick and begin to slide again, and when others strike, and leave, their stops."""
-    for part in run.scene.dry_friction:
-        name = part.joint.name
+    for name in run.scene.sticking:
         for begun, over in stuck_intervals(run, name)[:MOST_EVENTS].tolist():
             yield TimelineEvent(begun, f"{name} sticks")
             if over < end:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.actuators.actuator_fields import actuator_data, drive_data
 from bellcrank.actuators.condition_fields import ROBOT_WIDE, condition_data
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
@@ -76,8 +76,10 @@ def config_text(selection: Selection, config: RobotConfig, path: Path) -> tuple[
     data.pop(ROBOT_WIDE, None)
     if common := condition_data(selection.conditions):
         data[ROBOT_WIDE] = common
+    before = data.get("actuators", {})
     data["actuators"] = {
         one.axis.name: actuator_data(Actuator.of(*selection.stated(one.chosen), one.conditions), selection.conditions)
+        | drive_data(before.get(one.axis.name, {}))
         for one in selection.axes
         if one.chosen is not None
     }
