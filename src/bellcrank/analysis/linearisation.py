@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.analysis.mode import Mode, pair
+from bellcrank.dynamics.drive_loops import DriveDynamics
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.files.json_files import write_json
@@ -48,6 +49,7 @@ class Linearisation:
         symmetries_removed: Whether they are left out of the states, as for a relative equilibrium.
         residual: |f| or, in the moving frame, |f − X|, as a share of the terms of the equations.
         notes: What else to know about the result.
+        drives: The dynamics of each drive of the scene.
 
     Example:
         >>> import bellcrank as bc
@@ -73,6 +75,7 @@ class Linearisation:
     symmetries_removed: bool
     residual: float
     notes: tuple[Note, ...]
+    drives: tuple[DriveDynamics, ...] = ()
 
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"

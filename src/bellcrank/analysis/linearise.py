@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.analysis.drive_linearisation import linearise_drives
 from bellcrank.analysis.independent_states import coordinate_names, independent_states, state_names
 from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION, Linearisation
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
@@ -83,6 +84,8 @@ def linearise(
     """
     run = scene if isinstance(scene, Trajectory) else None
     scene = scene.scene if isinstance(scene, Trajectory) else given_scene(scene)
+    if scene.drives:
+        return linearise_drives(scene, *_held_posture(scene, run, at))
     joints = _input_joints(scene, inputs)
     if keep_symmetries is not None:
         keep_symmetries = arguments.flag("keep_symmetries", keep_symmetries)
@@ -90,6 +93,16 @@ def linearise(
     _check_regular(point)
     linear = linear_equations(point, joints, keep_symmetries)
     return linear if isinstance(at, str | float | int) and at not in AT[1:] else _with_distance(linear, point, run)
+
+
+def _held_posture(scene: Scene, run: Trajectory | None, at: str | float | None) -> tuple[float, Array]:
+    """The time and the posture in which drives hold the robot. Raises InputError."""
+    if arguments.is_number(at):
+        time, q, _ = _state_at(scene, run, arguments.number("at", at, "s", least=0.0))
+        return time, q
+    if at not in (None, "start", "equilibrium"):
+        raise InputError(f"argument 'at': drives hold the robot at rest: expected 'start' or a time (s), found {at!r}")
+    return 0.0, run.position[0] if run is not None else consistent_start(scene)[0]
 
 
 def _check_regular(point: OperatingPoint) -> None:

@@ -21,7 +21,7 @@ from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
 from bellcrank.dynamics.stuck_joints import StuckJoints
-from bellcrank.elements.symbols import Symbols
+from bellcrank.elements.symbols import Additions, Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
 from bellcrank.scene.equation_symbols import EquationSymbols
@@ -130,21 +130,30 @@ class Assembly:
         return casadi.vertcat(f.position, casadi.vec(f.rotation.T), f.linear, f.angular)
 
 
-def assemble(scene: Scene, *, held_sides: bool = True) -> Assembly:
+def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) -> Assembly:
     """The equations of motion of a scene; with `held_sides` as a simulation has them (symbols.py).
 
+    `additions`: with those symbols at drives that their linear equations need (`Symbols.additions`).
     Raises InputError where a force cannot act on this robot.
     """
     import casadi
 
     robot = scene.robot
     s = Symbols(robot, scene.parameters, scene.frames, scene.initial.clock, held_sides)
+    if additions:
+        names = [drive.name for drive in scene.drives]
+        factors, references, torques = (
+            {name: casadi.SX.sym(f"{what} {name}") for name in names} for what in ("factor", "reference", "torque")
+        )
+        s.additions = Additions(factors, references, torques, casadi.SX.sym("load", robot.nv))
     for source in scene.signal_sources:  # all of them, in the order of the scene's signals
         s.signal(source)
     with_states = [part for part in scene.elements if part.auxiliary is not None]
     for states in scene.auxiliary_states:
         s.auxiliary(states)
     actuator, passive, potential, power, rotors = applied_forces(scene, s)
+    if s.additions is not None:
+        passive += s.additions.load
     none = casadi.SX(0, 1)
     s.load_at_start = _load_at_start(scene, s)
     z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states])

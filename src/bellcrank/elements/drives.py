@@ -219,8 +219,10 @@ class Drive(Controller):
     def torque(self, symbols: Symbols) -> casadi.SX:
         """The electrical torque T, N m."""
         if self.model == "torque":
-            return self.within_limits(symbols, self.commanded(symbols))
-        return self.value(symbols, "circuit.torque_constant") * self.current(symbols)
+            torque = self.within_limits(symbols, self.commanded(symbols))
+        else:
+            torque = self.value(symbols, "circuit.torque_constant") * self.current(symbols)
+        return torque if symbols.additions is None else torque + symbols.additions.torque[self.name]
 
     def voltage(self, symbols: Symbols) -> casadi.SX:
         """The voltage of a dc model, V."""

@@ -68,6 +68,7 @@ class Servo:
         resolution: Of the encoder, rad at the rotor; 0: it is exact.
         clock: That of the start of the simulation, s.
         holds: What the sampled loops held at the end of the run that is continued.
+        gains: "given", "auto" where they are to be found (simulation/drive_gains.py), or "found".
     """
 
     motion: SignalSource | None
@@ -83,10 +84,13 @@ class Servo:
     resolution: float
     clock: float
     holds: tuple[float, ...]
+    gains: str
 
     @property
     def settable(self) -> dict[str, Settable]:
-        """The gains."""
+        """The gains that are given."""
+        if self.gains != "given":
+            return {} if self.motion is not None else {"servo.target": Settable("", ANY)}
         return {f"servo.{loop}.{key}": Settable(*LOOPS[loop][key]) for loop in LOOPS for key in getattr(self, loop)} | (
             {} if self.motion is not None else {"servo.target": Settable("", ANY)}
         )
@@ -134,6 +138,15 @@ class Servo:
         if not self._integrates(loop):
             return symbols.zero
         return (self._held if loop in self.samples else self._states)(drive, symbols)[loop][0]
+
+    @property
+    def constant(self) -> list[bool]:
+        """Whether each of these states is constant."""
+        return [
+            loop in self.samples
+            for loop in LOOPS
+            for _ in range(len(BEGINNINGS[loop]) if loop in self.samples else int(self._integrates(loop)))
+        ]
 
     # ---- samples
 
@@ -262,16 +275,19 @@ class Servo:
         """The rotor's angle as the encoder reads it."""
         import casadi
 
-        return casadi.floor(angle / self.resolution) * self.resolution if self.resolution else angle
+        if not self.resolution or symbols.additions is not None:  # steps have no slope
+            return angle
+        return casadi.floor(angle / self.resolution) * self.resolution
 
     # ---- loops
 
     def wanted(self, drive: Drive, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
         """The joint's reference, its velocity and its acceleration."""
+        more = symbols.zero if symbols.additions is None else symbols.additions.reference[drive.name]
         if self.motion is None:
-            return symbols.zero + drive.value(symbols, "servo.target"), symbols.zero, symbols.zero
+            return more + drive.value(symbols, "servo.target"), symbols.zero, symbols.zero
         found = symbols.signal(self.motion)
-        return found[self.place, 0], found[self.place, 1], found[self.place, 2]
+        return found[self.place, 0] + more, found[self.place, 1], found[self.place, 2]
 
     def _speed_asked(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """ω_r of the position controller."""
@@ -319,11 +335,16 @@ class Servo:
     def _speed_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         return self.speed_reference(drive, symbols) - drive.rotor(symbols)[1]
 
+    def speed_error_at(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """ω_r − ω of the loops as if they were sampled at this moment."""
+        return self._speed_asked(drive, symbols) - drive.rotor(symbols)[1]
+
     def torque_reference(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """T_r, held between samples."""
+        factor = 1.0 if symbols.additions is None else symbols.additions.factor[drive.name]
         if "speed" in self.samples:
-            return self._held(drive, symbols)["speed"][-1]
-        return self._torques(drive, symbols, self._speed_error(drive, symbols))[1]
+            return factor * self._held(drive, symbols)["speed"][-1]
+        return factor * self._torques(drive, symbols, self._speed_error(drive, symbols))[1]
 
     def _current_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         torque = self.torque_reference(drive, symbols)
@@ -332,7 +353,7 @@ class Servo:
     def command(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """The torque (N m), or the voltage (V) of model dc, before its limits where it is not sampled."""
         if drive.model == "torque":
-            if "speed" in self.samples:
+            if "speed" in self.samples or symbols.additions is not None:
                 return self.torque_reference(drive, symbols)
             return self._torques(drive, symbols, self._speed_error(drive, symbols))[0]
         if "current" in self.samples:
@@ -403,7 +424,7 @@ def read_servo(
     if "torque" in read or "voltage" in read:
         read.only((name,))
         return None, context.formulas.read(read, name, unit)
-    read.only(("motion", "target", *LOOPS, "feedforward", "encoder", "sample_time", "delay", "resolution"))
+    read.only(("motion", "target", *LOOPS, "gains", "feedforward", "encoder", "sample_time", "delay", "resolution"))
     if ("target" in read) == ("motion" in read):
         found = "both" if "target" in read else "neither"
         raise read.error("target", f"expected a constant 'target' or the name of a 'motion', found {found}")
@@ -414,10 +435,18 @@ def read_servo(
         source = motion_source(motion, partial(context.motion_of, motion), joints, 2)
     else:
         target = read.number("target", joint_unit(joint, "position"))
-    position, speed = _gains(read, "position"), _gains(read, "speed", optional=("ti",))
-    current = {} if model != "dc" else _gains(read, "current")
-    if model != "dc" and "current" in read:
+    automatic = "gains" in read and read.choice("gains", ("auto",)) == "auto"
+    loops = ("position", "speed") if model == "torque" else ("position", "speed", "current")
+    if model == "torque" and "current" in read:
         raise read.error("current", "model: torque has no current; write model: dc, or remove 'current'")
+    if automatic:
+        for loop in loops:
+            if loop in read:
+                raise read.error(loop, f"'gains: auto' finds the gains of '{loop}'; remove one of the two")
+        position, speed, current = ({key: 1.0 for key in LOOPS[k]} if k in loops else {} for k in LOOPS)
+    else:
+        position, speed = _gains(read, "position"), _gains(read, "speed", optional=("ti",))
+        current = _gains(read, "current") if "current" in loops else {}
     ahead = read.mapping("feedforward", {})
     ahead.only(("speed", "torque"))
     shares = {key: number(ahead, key, "", 1.0 if key == "speed" else 0.0, NONNEGATIVE) for key in ("speed", "torque")}
@@ -426,23 +455,26 @@ def read_servo(
     ahead.done()
     encoder = read.choice("encoder", ENCODERS, "motor")
     samples, delay, resolution = _samples(read, model)
+    if automatic and {*samples} != {*loops}:
+        raise read.error("gains", "'gains: auto' requires a 'sample_time' of all loops, which bounds the gains")
     read.done()
     place = [each.name for each in joints].index(joint.name)
     holds = tuple(context.held.get(samples_of(f"drive_{joint.name}"), ()))
     return Servo(
-        source,
-        place,
-        target,
-        position,
-        speed,
-        current,
-        shares,
-        encoder,
-        samples,
-        delay,
-        resolution,
-        context.clock,
-        holds,
+        motion=source,
+        place=place,
+        target=target,
+        position=position,
+        speed=speed,
+        current=current,
+        feedforward=shares,
+        encoder=encoder,
+        samples=samples,
+        delay=delay,
+        resolution=resolution,
+        clock=context.clock,
+        holds=holds,
+        gains="auto" if automatic else "given",
     ), None
 
 

@@ -51,6 +51,22 @@ class FrameSource(Protocol):
         ...
 
 
+class Additions(NamedTuple):
+    """Symbols that are added to those of drives where their equations are linearised.
+
+    Attributes:
+        factor: By drive, what the torque that its speed controller asks is multiplied with.
+        reference: By drive, what is added to its reference.
+        torque: By drive, what is added to the torque of its motor.
+        load: What is added to the joint forces (nv).
+    """
+
+    factor: Mapping[str, casadi.SX]
+    reference: Mapping[str, casadi.SX]
+    torque: Mapping[str, casadi.SX]
+    load: casadi.SX
+
+
 class Symbols:
     """Time t, position q (nq), velocity v (nv), signals u and parameters p, and the kinematics and dynamics over them.
 
@@ -84,6 +100,7 @@ class Symbols:
         self._frames: dict[str, FrameSymbols] = {}
         self._gathered = list(dict.fromkeys(frames))
         self._frame_source: FrameSource | None = None
+        self.additions: Additions | None = None
         self.load_at_start = casadi.SX(robot.nv, 1)  # the forces that drives have to exert there (drives.py)
         self.holding: dict[str, casadi.SX] = {}  # the force of dry friction at a stuck joint, by name (stuck_joints.py)
 

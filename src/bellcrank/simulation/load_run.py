@@ -16,6 +16,7 @@ from bellcrank.elements.signals import Signal
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 from bellcrank.scene.scene import Scene, load_held_scene
+from bellcrank.simulation.drive_gains import tuned
 from bellcrank.simulation.events import event_at
 from bellcrank.simulation.integration import until_turned_over
 from bellcrank.simulation.run_file_checks import check_arrays, checked_about
@@ -100,7 +101,7 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, Array], Scene]:
         scene = load_held_scene(unpacked_scene(about))
         if about["settings"].stabilisation != scene.settings.stabilisation:
             scene = replace(scene, settings=about["settings"])
-    return about, arrays, scene
+        return about, arrays, tuned(scene)
 
 
 def _parts(arrays: dict[str, Array], prefix: str) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import SOLVERS, Settings, check_rows
 from bellcrank.simulation.baumgarte_gains import automatic_gains
+from bellcrank.simulation.drive_gains import tuned
 from bellcrank.simulation.integration import Integration, Rows, prepared_integration
 
 Array = NDArray[np.float64]
@@ -63,6 +64,7 @@ def _prepared(scene: Scene, given: Mapping[str, Any], times: Any) -> Integration
     if every_step and times != "steps":
         arguments.refuse("times", 'increasing numbers (s) or "steps"', times)
     wanted = None if times is None or every_step else _checked_times(times)
+    scene = tuned(scene)
     settings = _settings(scene, given, wanted)
     if settings.stabilisation != scene.settings.stabilisation:
         scene = replace(scene, settings=settings)  # gains are parameters of its equations

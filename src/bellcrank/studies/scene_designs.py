@@ -22,6 +22,7 @@ from bellcrank.dynamics.system import start_states, system_of, system_parameters
 from bellcrank.errors import BellcrankError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.baumgarte_gains import automatic_gains
+from bellcrank.simulation.drive_gains import tuned
 from bellcrank.simulation.integration import refuse_infinite_start, refuse_open_contact
 from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import DesignAxis, Kind, PlainAxis, admitted, plain_axes
@@ -214,6 +215,7 @@ class SceneDesigns(Portable):
 
 def _checked_start(scene: Scene) -> tuple[Scene, Array, Array]:
     """The scene with the gains of its constraints, p and x of its start; InputError where a run cannot start."""
+    scene = tuned(scene)
     settings = scene.settings
     if settings.stabilisation.auto:
         gains = automatic_gains(scene)

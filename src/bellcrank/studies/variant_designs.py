@@ -67,7 +67,8 @@ class VariantDesigns:
         found = {(axis.kind, axis.name) for axis in self.axes}
         joints = {Kind.POSITION: self.scene.initial.position, Kind.VELOCITY: self.scene.initial.velocity}
         there = all(name in joints[kind] for kind, name in found if kind in joints)
-        return there and not self.scene.settings.stabilisation.auto
+        automatic = any(d.servo is not None and d.servo.gains == "auto" for d in self.scene.drives)
+        return there and not self.scene.settings.stabilisation.auto and not automatic
 
     def starts(self, values: Array, threads: int) -> Starts:
         """Parameters and consistent starts of designs with values (n, axes) that the scene accepts."""

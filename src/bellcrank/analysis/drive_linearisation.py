@@ -1,0 +1,84 @@
+"""Linear equations of scenes with drives, at rest in a posture in which the drives hold the robot.
+
+States are the displacements and velocities of the joints, and the states of the drives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.analysis.independent_states import coordinate_names
+from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, Linearisation
+from bellcrank.analysis.modal_analysis import Quotient, modes_of
+from bellcrank.dynamics.drive_loops import (
+    DriveEquations,
+    drive_dynamics,
+    refuse_nonlinear,
+    with_continuous_loops,
+    without_losses,
+)
+from bellcrank.notes import Note, ranked
+from bellcrank.simulation.drive_gains import tuned
+from bellcrank.simulation.scene_notes import file_notes
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+STILL = 1e-9  # of the largest terms: rates below this are 0 at an equilibrium
+
+
+def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisation:
+    """The linear equations of a scene with drives, at rest in a posture (nq,). Raises InputError."""
+    refuse_nonlinear(scene)
+    scene = tuned(scene)
+    drives, robot, t = scene.drives, scene.robot, np.array([time])
+    control = tuple(without_losses(part) if part in drives else part for part in scene.control)
+    smooth = replace(scene, control=control, outputs={}, events=())
+    equations = DriveEquations(with_continuous_loops(smooth), t, position)
+    keep = equations.varying
+    a, size = equations.field[np.ix_(keep, keep)], robot.nv
+    names = [*coordinate_names(robot)]
+    names += [(f"{name} rate", f"{unit}/s") for name, unit in names]
+    states = [(f"{own.name} {label.rpartition(' [')[0]}", label.rpartition(" [")[2][:-1])
+              for own in with_continuous_loops(smooth).auxiliary_states for label in own.labels]  # fmt: skip
+    named = [*names, *states]
+    quotient = Quotient.of(np.zeros((len(keep), 0)), size, np.ones(len(keep)))
+    rest = equations.residual < STILL
+    modes = modes_of(a, quotient, np.eye(len(keep))[:size], reduced=False) if rest else ()
+    joints = [joint for joint in robot.joints if joint.nv == 1]
+    inputs = [(f"{drive.joint.name} motor torque", "N m") for drive in drives]
+    inputs += [(f"{j.name} {'force' if j.kind == 'prismatic' else 'torque'}", "N" if j.kind == "prismatic" else "N m")
+               for j in joints]  # fmt: skip
+    notes = [*file_notes(scene), Note("linear equations leave out dry friction, and the losses of gears by their load")]
+    if any(drive.servo is not None and drive.servo.samples for drive in drives):
+        notes.append(
+            Note(
+                "the matrices take sampled loops as continuous, without delay; margins and bandwidths of the drives "
+                "take their samples exactly"
+            )
+        )
+    return Linearisation(
+        name=scene.name,
+        kind=EQUILIBRIUM if rest else MOVING,
+        time=time,
+        position=position,
+        velocity=np.zeros(size),
+        states=tuple(named[k] for k in keep),
+        inputs=tuple(inputs),
+        outputs=tuple(named[k] for k in keep),
+        A=a,
+        B=equations.inputs[keep],
+        C=np.eye(len(keep)),
+        D=np.zeros((len(keep), len(inputs))),
+        modes=modes,
+        symmetries=(),
+        symmetries_removed=False,
+        residual=equations.residual,
+        notes=ranked(tuple(notes)),
+        drives=tuple(drive_dynamics(smooth, drive, t, position) for drive in smooth.drives),
+    )

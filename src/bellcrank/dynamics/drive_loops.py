@@ -1,0 +1,385 @@
+"""The loops of drives: resonance, bandwidth and stability margins of each, at rest in a posture.
+
+Their equations are linear ones about the posture, without dry friction and the losses of gears.
+
+The resonances of an axis are the eigenfrequencies ω_r of its rotor and the joints, with the torque of its motor given
+and the other rotors and joints without elastic gear held; the antiresonances ω_a those with its own rotor held too: the
+zeros of the response of the rotor to the motor's torque. Source: D. Schröder, Elektrische Antriebe – Regelung von
+Antriebssystemen (2015), ch. 19.
+
+Margins are those of the loop that is opened at the torque which the speed controller asks, all others being closed:
+the factor g and the angle θ for which κ = g or κ = exp(−iθ) at that place brings the closed loop to the border of
+stability. Loops that are sampled are taken exactly, with their delays: the equations are integrated between their
+instants, and the product over the longest sample time has its eigenvalues in the unit circle where the loop is stable.
+Source: K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), ch. 2 and 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.dynamics.assembly import assemble
+from bellcrank.dynamics.base_frame_elimination import mass_matrix
+from bellcrank.dynamics.system import system_parameters
+from bellcrank.elements.expression import Expression, Term
+from bellcrank.errors import InputError
+
+if TYPE_CHECKING:
+    from bellcrank.elements.drives import Drive
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+GROWTH = 1e-9  # of the largest eigenvalue, or of 1 for a sampled loop: a slower growth is rounding
+LARGEST_GAIN = 1e4
+GRID = 400  # factors and angles that are tried before the border between two of them is located
+FREQUENCIES = 2000
+LOWEST = 1e-5  # of the largest frequency
+MOST_INSTANTS = 20_000
+COMMON = 1e-6  # relative: sample times whose ratio is nearer than this to a whole number have it
+BANDWIDTH = 1.0 / math.sqrt(2.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DriveDynamics:
+    """The dynamics of one drive at rest in a posture; angular frequencies in rad/s.
+
+    Attributes:
+        joint: Its joint.
+        resonances: Eigenfrequencies with the motor's torque given.
+        antiresonances: Eigenfrequencies with the rotor held.
+        stable: Whether the closed loop is stable; None without a servo.
+        gain_margin: The factor on the torque that the speed controller asks at which the loop becomes unstable,
+            infinite where none up to 10,000 does; None where the loop is not stable.
+        phase_margin: rad, the lag there at which it becomes unstable; infinite where none up to a half turn does.
+        bandwidth: At which the joint follows its reference with 1/√2; None where it is not reached.
+    """
+
+    joint: str
+    resonances: tuple[float, ...]
+    antiresonances: tuple[float, ...]
+    stable: bool | None
+    gain_margin: float | None
+    phase_margin: float | None
+    bandwidth: float | None
+
+
+def refuse_nonlinear(scene: Scene) -> None:
+    """Refuse a scene whose drives have no linear equations here (InputError)."""
+    what = "linear equations of drives are those of open chains with joints of one degree of freedom"
+    if scene.constraints:
+        raise InputError(f"{scene.source}: {what}; '{scene.constraints[0].name}' is a constraint")
+    for joint in scene.robot.joints:
+        if joint.nv != 1 or joint.nq != 1:
+            raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
+    if parts := [*scene.dry_friction, *scene.stops_of_joints]:
+        raise InputError(
+            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a stop has no "
+            "linear equations; remove it"
+        )
+    if any(part.switches for part in scene.elements):
+        raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")
+    others = [part.name for part in scene.control if part.samples is not None and part not in scene.drives]
+    if others:
+        raise InputError(f"{scene.source}: control '{others[0]}' is sampled, and is not part of a drive; remove it")
+
+
+def without_losses(drive: Drive) -> Drive:
+    """A drive without dry friction, which holds its posture."""
+    loss = {**drive.loss, "coulomb": 0.0, "static": 0.0}
+    gear = {**drive.gear, "efficiency": 1.0, "back_efficiency": 1.0} if drive.is_elastic else drive.gear
+    servo = None if drive.servo is None else replace(drive.servo, motion=None, target=0.0)
+    return replace(drive, loss=loss, gear=gear, servo=servo)
+
+
+def with_continuous_loops(scene: Scene) -> Scene:
+    """The scene with all loops of its drives continuous."""
+    drives = {
+        drive.name: replace(drive, servo=replace(drive.servo, samples={}, delay=0.0, resolution=0.0))
+        for drive in scene.drives
+        if drive.servo is not None
+    }
+    return replace(scene, control=tuple(drives.get(part.name, part) for part in scene.control))
+
+
+class _Slopes(NamedTuple):
+    """∂ẋ/∂x, ∂ẋ/∂h, and of each update its ∂h⁺/∂x and ∂h⁺/∂h."""
+
+    field: Array
+    by_held: Array
+    updates: list[tuple[Array, Array]]
+
+
+class DriveEquations:
+    """The equations of drives about a posture, as functions of the factor κ at one of them."""
+
+    def __init__(self, scene: Scene, time: Array, position: Array) -> None:
+        import casadi
+
+        self.scene = scene
+        a = assemble(scene, held_sides=False, additions=True)
+        s, more = a.symbols, a.symbols.additions
+        assert more is not None
+        names, nv = [drive.name for drive in scene.drives], scene.robot.nv
+        factor, reference, torque = (
+            casadi.vertcat(*[group[n] for n in names]) for group in (more.factor, more.reference, more.torque)
+        )
+        extra = [factor, reference, torque, more.load]
+        state, rate = casadi.vertcat(a.q, a.v, a.z), casadi.vertcat(a.rate, a.acceleration, a.auxiliary_rate)
+        sampled = [(drive, source) for drive in scene.drives if (source := drive.samples) is not None]
+        held = casadi.vertcat(casadi.SX(0, 1), *[s.signal(source) for _, source in sampled])
+        self.held_size = held.numel()
+        self.instants = [(drive, k, each) for drive, _ in sampled for k, each in enumerate(drive.instants)]
+        updates = [
+            casadi.vertcat(*[d.update(k, s) if d is drive else s.signal(source) for d, source in sampled])
+            for drive, k, _ in self.instants
+        ]
+        args = [a.t, state, a.u, a.p, *extra]
+        outputs = [rate, casadi.jacobian(rate, state), casadi.jacobian(rate, held), casadi.jacobian(rate, reference)]
+        outputs.append(casadi.jacobian(rate, casadi.vertcat(torque, more.load)))
+        for update in updates:
+            outputs += [
+                casadi.jacobian(update, state),
+                casadi.jacobian(update, held),
+                casadi.jacobian(update, reference),
+            ]
+        start = casadi.Function("start", args, [a.auxiliary_start])
+        errors = [d.servo.speed_error_at(d, s) if d.servo is not None else casadi.SX(0) for d in scene.drives]
+        slope = casadi.jacobian(casadi.vertcat(*errors), reference)
+        error = casadi.Function("error", args, [casadi.vertcat(*errors), slope])
+        self._functions = casadi.Function("slopes", args, outputs), start, error
+        self._mass = casadi.Function("mass", [a.q, a.p], [casadi.diag(mass_matrix(s))])
+        self._state = np.concatenate([position, np.zeros(nv), np.zeros(a.z.numel())])
+        self._time, self._signals = time, scene.signals_at(time)[0]
+        constant = [False] * (2 * nv)
+        for drive in scene.drives:
+            states = drive.auxiliary
+            if states is not None:
+                own = [] if drive.servo is None else drive.servo.constant
+                constant += [False] * (states.size - len(own)) + own
+        self.varying = [k for k, still in enumerate(constant) if not still]
+        self.take(system_parameters(scene))
+
+    def take(self, parameters: Array) -> None:
+        """Take other parameters of the scene (np,)."""
+        _, start, error = self._functions
+        count, nv, x = len(self.scene.drives), self.scene.robot.nv, self._state.copy()
+        zero, one, load = np.zeros(count), np.ones(count), np.zeros(nv)
+        begin = self._time, x, self._signals, parameters
+        x[2 * nv :] = np.asarray(start(*begin, one, zero, zero, load)).ravel()
+        wrong, slope = (np.asarray(m) for m in error(*begin, one, zero, zero, load))
+        slope = slope.reshape(count, count)
+        # integrators hold the posture where the references make the errors 0
+        shift = np.linalg.lstsq(slope, -wrong.ravel(), rcond=None)[0] if slope.any() else zero
+        x[2 * nv :] = np.asarray(start(*begin, one, shift, zero, load)).ravel()
+        self._point = (*begin, zero, shift, zero, load)
+        rates, self.field, _, _, self.inputs, *_ = self._values(one)
+        terms = np.abs(self.field) @ np.abs(x) + np.abs(self.inputs).max(axis=1, initial=0.0)
+        moving = np.abs(rates.ravel()[self.varying])
+        self.residual = float((moving / np.maximum(terms[self.varying], 1.0)).max(initial=0.0))
+
+    def inertia_at_rotor(self, drive: Drive) -> float:
+        """The inertia (kg m²) of rotor and load at the rotor, the other joints being held."""
+        _, x, _, p, *_ = self._point
+        mass = np.asarray(self._mass(x[: self.scene.robot.nq], p)).ravel()
+        ratio = drive.gear["ratio"]
+        return float(mass[drive.joint.v] / ratio**2 + drive.gear.get("inertia", 0.0))
+
+    def _values(self, factor: Array) -> list[Array]:
+        t, x, u, p, _, *rest = self._point
+        found = self._functions[0](t, x, u, p, factor, *rest)
+        return [np.asarray(m.full() if hasattr(m, "full") else m, dtype=np.float64) for m in found]
+
+    def slopes(self, factor: Array) -> _Slopes:
+        """At factors κ of the drives."""
+        _, field, by_held, _, _, *updates = self._values(factor)
+        keep = self.varying
+        pairs = [(updates[3 * k][:, keep], updates[3 * k + 1]) for k in range(len(self.instants))]
+        return _Slopes(field[np.ix_(keep, keep)], by_held[keep], pairs)
+
+    def by_reference(self, k: int) -> tuple[Array, list[Array]]:
+        """∂ẋ/∂r and ∂h⁺/∂r of the reference of drive k."""
+        _, _, _, by_reference, _, *updates = self._values(np.ones(len(self.scene.drives)))
+        return by_reference[self.varying, k], [updates[3 * i + 2][:, k] for i in range(len(self.instants))]
+
+
+def drive_dynamics(scene: Scene, drive: Drive, time: Array, position: Array) -> DriveDynamics:
+    """The dynamics of a drive of a scene without losses, at rest in a posture (nq,). Raises InputError."""
+    resonances, antiresonances = _resonances(scene, drive, time, position)
+    found = DriveDynamics(
+        joint=drive.joint.name, resonances=resonances, antiresonances=antiresonances, stable=None, gain_margin=None,
+        phase_margin=None, bandwidth=None,
+    )  # fmt: skip
+    if drive.servo is None:
+        return found
+    loop = DriveLoop(DriveEquations(scene, time, position), drive.name)
+    if not loop.stable(1.0):
+        return replace(found, stable=False)
+    return replace(
+        found,
+        stable=True,
+        gain_margin=loop.border(lambda s: LARGEST_GAIN**s + 0j, lambda s: LARGEST_GAIN**s),
+        phase_margin=loop.border(lambda s: np.exp(-1j * math.pi * s), lambda s: math.pi * s),
+        bandwidth=loop.bandwidth(),
+    )
+
+
+def _resonances(
+    scene: Scene, drive: Drive, time: Array, position: Array
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The angular frequencies (rad/s) of the axis with the motor's torque given, and with its rotor held."""
+    zero = Expression("0", Term("number", value=0.0))
+
+    def open_loop(each: Drive) -> Drive:
+        return replace(each, model="torque", circuit={}, servo=None, command=zero)
+
+    mechanical = replace(scene, control=tuple(open_loop(p) if p in scene.drives else p for p in scene.control))
+    equations, nv = DriveEquations(mechanical, time, position), scene.robot.nv
+    moving, own, first = list[int](), list[int](), 2 * nv
+    elastic = {each.joint.v for each in mechanical.drives if each.is_elastic}
+    for each in mechanical.drives:
+        if each.is_elastic:
+            own = [first, first + 1] if each.name == drive.name else own
+            first += 2
+    for column in range(nv):
+        if column in elastic or column == drive.joint.v:
+            moving += [column, nv + column]
+    if not drive.is_elastic:
+        moving, own = (
+            [k for k in moving if k not in (drive.joint.v, nv + drive.joint.v)],
+            [drive.joint.v, nv + drive.joint.v],
+        )
+
+    def frequencies(rows: list[int]) -> tuple[float, ...]:
+        values = np.linalg.eigvals(equations.field[np.ix_(rows, rows)]) if rows else np.zeros(0)
+        least = 1e-6 * np.abs(values).max(initial=0.0)
+        return tuple(sorted(float(abs(value)) for value in values if value.imag > least))
+
+    return frequencies(moving + own), frequencies(moving)
+
+
+class DriveLoop:
+    """The closed loop of all drives with a factor κ at one of them."""
+
+    def __init__(self, equations: DriveEquations, drive: str) -> None:
+        self.equations, scene = equations, equations.scene
+        self.number = [each.name for each in scene.drives].index(drive)
+        self.drive = scene.drives[self.number]
+        ones, without = np.ones(len(scene.drives)), np.ones(len(scene.drives))
+        without[self.number] = 0.0
+        self._one, self._zero = self.equations.slopes(ones), self.equations.slopes(without)
+        self.period, self._schedule = self._instants()
+
+    def _instants(self) -> tuple[float, list[tuple[float, int]]]:
+        """The longest sample time, and (time, update) within it in order."""
+        every = [(each.period, each.first) for _, _, each in self.equations.instants]
+        if not every:
+            return 0.0, []
+        longest = max(period for period, _ in every)
+        found = []
+        for k, (period, first) in enumerate(every):
+            ratio = longest / period
+            if abs(ratio - round(ratio)) > COMMON * ratio:
+                raise InputError(
+                    f"{self.equations.scene.source}: the sample times {longest:g} and {period:g} s of drives have no "
+                    "whole ratio, so that margins cannot be computed; choose multiples of each other"
+                )
+            offset = math.fmod(first, period)
+            found += [(offset + i * period if offset < period else i * period, k) for i in range(round(ratio))]
+        if len(found) > MOST_INSTANTS:
+            raise InputError(f"{self.equations.scene.source}: more than {MOST_INSTANTS} samples in {longest:g} s")
+        return longest, sorted(found, key=lambda each: (round(each[0] / longest, 9), each[1]))
+
+    def _at(self, factor: complex) -> _Slopes:
+        one, zero = self._one, self._zero
+
+        def mixed(a: Array, b: Array) -> Array:
+            return np.asarray(b + factor * (a - b))  # the equations are linear in κ
+
+        updates = [(mixed(a, c), mixed(b, d)) for (a, b), (c, d) in zip(one.updates, zero.updates, strict=True)]
+        return _Slopes(mixed(one.field, zero.field), mixed(one.by_held, zero.by_held), updates)
+
+    def monodromy(self, factor: complex, driven: Array | None = None, kicks: list[Array] | None = None) -> Complex:
+        """The matrix of a period over (x, h), and with `driven` and `kicks` a last column for a constant input."""
+        from scipy.linalg import expm
+
+        slopes = self._at(factor)
+        n, m = len(slopes.field), self.equations.held_size
+        whole = np.eye(n + m + 1, dtype=np.complex128)
+        rates = np.zeros_like(whole)
+        rates[:n, :n], rates[:n, n : n + m] = slopes.field, slopes.by_held
+        if driven is not None:
+            rates[:n, -1] = driven
+        steps: dict[float, Complex] = {}
+        now = 0.0
+        for time, k in [*self._schedule, (self.period, -1)]:
+            span = round((time - now) / self.period, 9) * self.period
+            if span > 0.0:
+                if span not in steps:
+                    steps[span] = expm(rates * span)
+                whole, now = steps[span] @ whole, time
+            if k >= 0:
+                jump = np.eye(n + m + 1, dtype=np.complex128)
+                jump[n : n + m, :n], jump[n : n + m, n : n + m] = slopes.updates[k]
+                if kicks is not None:
+                    jump[n : n + m, -1] = kicks[k]
+                whole = jump @ whole
+        return whole
+
+    def stable(self, factor: complex) -> bool:
+        """Whether the closed loop is stable with this factor."""
+        if not self._schedule:
+            values = np.linalg.eigvals(self._at(factor).field)
+            return bool(values.real.max(initial=-1.0) < GROWTH * np.abs(values).max(initial=0.0))
+        return bool(np.abs(np.linalg.eigvals(self.monodromy(factor)[:-1, :-1])).max(initial=0.0) < 1.0 + GROWTH)
+
+    def border(self, factor: Callable[[float], complex], value: Callable[[float], float]) -> float:
+        """The value at the first border of stability for a share from 0 to 1; infinite where there is none."""
+        before = 0.0
+        for share in np.linspace(0.0, 1.0, GRID + 1)[1:].tolist():
+            if not self.stable(factor(share)):
+                good, bad = before, share
+                for _ in range(40):
+                    middle = 0.5 * (good + bad)
+                    good, bad = (middle, bad) if self.stable(factor(middle)) else (good, middle)
+                return value(good)
+            before = share
+        return math.inf
+
+    def bandwidth(self) -> float | None:
+        """The angular frequency (rad/s) at which the joint follows its reference with 1/√2; None: there is none."""
+        by_reference, kicks = self.equations.by_reference(self.number)
+        row = self.equations.varying.index(self.drive.joint.v)
+        if not self._schedule:
+            a = self._at(1.0).field
+            top = 10.0 * float(np.abs(np.linalg.eigvals(a)).max(initial=1.0))
+            values, vectors = np.linalg.eig(a)
+            modal, shape = np.linalg.solve(vectors, by_reference), vectors[row]
+
+            def response(w: float) -> float:
+                return float(abs(np.sum(shape * modal / (1j * w - values))))
+        else:
+            whole = self.monodromy(1.0, by_reference, kicks)
+            over_period, b = whole[:-1, :-1], whole[:-1, -1]
+            top = math.pi / self.period
+
+            def response(w: float) -> float:
+                z = np.exp(1j * w * self.period)
+                return float(abs(np.linalg.solve(z * np.eye(len(b)) - over_period, b)[row]))
+
+        grid = np.geomspace(LOWEST * top, top, FREQUENCIES)
+        size = [response(w) for w in grid.tolist()]
+        for k in range(1, len(grid)):
+            if size[k - 1] >= BANDWIDTH > size[k]:
+                low, high = float(grid[k - 1]), float(grid[k])
+                for _ in range(50):
+                    middle = math.sqrt(low * high)
+                    low, high = (middle, high) if response(middle) >= BANDWIDTH else (low, middle)
+                return low
+        return None
