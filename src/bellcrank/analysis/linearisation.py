@@ -240,6 +240,7 @@ class Linearisation:
             "symmetries_removed": self.symmetries_removed,
             "residual": self.residual,
             "notes": [note.to_dict() for note in self.notes],
+            "drives": [drive.to_dict() for drive in self.drives],
         }
 
     def to_json(self, path: str | Path) -> None:

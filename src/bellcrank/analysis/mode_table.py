@@ -47,6 +47,8 @@ def mode_table(linear: Linearisation) -> str:
     else:
         values = ", ".join(f"{x:.6g}" for x in linear.frozen_eigenvalues.tolist())
         lines.append(f"eigenvalues of A at this moment, which say nothing of stability: {values}")
+    for drive in linear.drives:
+        lines.append(f"drive of {drive.joint}: {'; '.join(f'{name} {value}' for name, value in drive.rows())}")
     if linear.symmetries:
         left = "left out of the states" if linear.symmetries_removed else "kept among the states"
         lines.append(f"symmetries ({left}): {'; '.join(linear.symmetries)}")

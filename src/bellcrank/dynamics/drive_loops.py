@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,35 @@ class DriveDynamics:
     gain_margin: float | None
     phase_margin: float | None
     bandwidth: float | None
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(name, value) of what is known, frequencies in Hz."""
+        found = []
+        for name, values in (("resonances", self.resonances), ("antiresonances", self.antiresonances)):
+            if values:
+                found.append((name, ", ".join(f"{value / (2.0 * math.pi):.5g} Hz" for value in values)))
+        if self.stable is None:
+            return found
+        if not self.stable:
+            return [*found, ("loop", "unstable")]
+        assert self.gain_margin is not None and self.phase_margin is not None
+        gain = f"{20.0 * math.log10(self.gain_margin):.4g} dB" if math.isfinite(self.gain_margin) else "above 80 dB"
+        phase = f"{math.degrees(self.phase_margin):.4g}°" if math.isfinite(self.phase_margin) else "above 180°"
+        found += [("gain margin", gain), ("phase margin", phase)]
+        if self.bandwidth is not None:
+            found.append(("bandwidth", f"{self.bandwidth / (2.0 * math.pi):.5g} Hz"))
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as data that JSON can hold, infinite margins as None."""
+        finite = {
+            name: None if value is None or not math.isfinite(value) else value
+            for name, value in (("gain_margin", self.gain_margin), ("phase_margin", self.phase_margin))
+        }
+        return {
+            "joint": self.joint, "resonances": list(self.resonances), "antiresonances": list(self.antiresonances),
+            "stable": self.stable, **finite, "bandwidth": self.bandwidth,
+        }  # fmt: skip
 
 
 def refuse_nonlinear(scene: Scene) -> None:

@@ -100,6 +100,15 @@ class Servo:
         loop, _, key = name.partition(".")
         return float(getattr(self, loop)[key] if key else getattr(self, loop))
 
+    def described(self) -> str:
+        """Its gains in words."""
+        parts = []
+        for loop, gains in LOOPS.items():
+            own = getattr(self, loop)
+            if own:
+                parts.append(f"{loop} {', '.join(f'{key} {own[key]:.5g} {gains[key][0]}' for key in own)}")
+        return "; ".join(parts)
+
     @property
     def states(self) -> list[str]:
         """The integrators of its continuous loops, and what the sampled ones begin with, with units.

@@ -52,6 +52,7 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
         Picture("Eigenvalues and damping ratios", svg_of(plot_eigenvalues(linear)), screen=True),
         Facts("Operating point", _operating_point(scene, linear)),
     ]
+    parts += [Facts(f"Drive of {drive.joint}", tuple(drive.rows())) for drive in linear.drives]
     if loci is not None:
         parts.append(Picture(f"Eigenvalues over {loci.path}", svg_of(plot_root_loci(loci, None)), screen=True))
     return Document(
