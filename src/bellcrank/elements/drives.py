@@ -14,7 +14,8 @@ peak torque and current, voltage and largest speed. `model: dc` is the DC equiva
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
 Losses of an elastic gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1)
-where the motor drives the load and |P| (1 − η_b) where the load drives the motor, η_b = 0 being self-locking.
+where the motor drives the load and |P| (1 − η_b) where the load drives the motor. With η_b = 0 the gear is self-locking:
+then the second is |P| (1/η − 1) too, as of a screw whose friction is the same both ways, and at least 1.01 |P|.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
 
 MODELS: Final = ("torque", "dc")
 LOSS: Final = ("coulomb", "static", "speed", "viscous")
+LOCKED: Final = 1.01  # of the load: what a self-locking gear holds at least, so that rounding does not set it free
 LEAST_FRICTION: Final = 1e-12  # N m, so that a gear without load and friction still has a limit to compare with
 Numbers = Mapping[str, float]
 
@@ -212,6 +214,8 @@ class Drive(Controller):
             return casadi.SX(0)
         load = self.gear_force(symbols)[0] / self.gear["ratio"] * direction
         driving, driven = 1.0 / self.gear["efficiency"] - 1.0, 1.0 - self.gear["back_efficiency"]
+        if driven == 1.0:
+            driven = max(driving, LOCKED)
         return casadi.fmax(load, 0.0) * driving + casadi.fmax(-load, 0.0) * driven
 
     # ---- motor and servo
