@@ -41,6 +41,8 @@ _HOME = {
     "size": "sizing.size",
     "DriveVerdicts": "sizing.drive_verdicts",
     "judge": "sizing.judge",
+    "verify_selection": "sizing.verification",
+    "SelectionVerification": "sizing.verification",
     "SizingSensitivity": "sizing.sensitivities",
     "JointSensitivity": "sizing.sensitivities",
     "Selection": "sizing.selection.selection",
@@ -130,6 +132,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Scene",
     "SceneDerivatives",
     "Selection",
+    "SelectionVerification",
     "Sensitivity",
     "Settings",
     "Sizing",
@@ -175,6 +178,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "sweep",
     "time_optimal",
     "tool_path",
+    "verify_selection",
     "wait_for_optimised_code",
     "waypoints",
     "write_catalogue",
@@ -238,6 +242,7 @@ if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
+    from bellcrank.sizing.verification import SelectionVerification, verify_selection
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices

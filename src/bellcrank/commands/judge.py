@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from bellcrank.commands.options import (
@@ -12,11 +13,14 @@ from bellcrank.commands.options import (
     add_set,
     add_trust,
     config_with_changes,
+    number_option,
     parse_payload,
 )
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.select import add_conditions, conditions
 from bellcrank.commands.size import parse_share
+from bellcrank.config.fields import parse_number
+from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file
 
 
@@ -39,6 +43,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_allow_massless(parser)
     add_set(parser, "payloads.1.mass='5 kg'")
     add_trust(parser)
+    parser.add_argument(
+        "--simulate",
+        action="store_true",
+        help="also simulate the drives along the motions: tracking errors, settling times, voltages, temperatures",
+    )
+    parser.add_argument(
+        "--settle", default="0.5 s", metavar="TIME", help="with --simulate: time after the end of each motion"
+    )
+    parser.add_argument(
+        "--frame", metavar="NAME", help="with --simulate: the frame whose distance from its path is measured"
+    )
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="with --simulate: a limit that the simulated drives must keep: tracking_error, tool_error, settling_time, "
+        "command_over_limit or winding_temperature, such as tracking_error='0.1 deg'; may be repeated",
+    )
     parser.add_argument("--out", type=output_path, metavar="FILE", help="write every criterion as JSON to this file")
 
 
@@ -71,4 +94,42 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{verdict(found)}")
     if target is not None:
         print(f"wrote {found.to_json(target)}")
-    return 0 if found.verified or (arguments.accept_unknown and found.inside) else 1
+    kept = _simulated(arguments) if arguments.simulate else True
+    return 0 if kept and (found.verified or (arguments.accept_unknown and found.inside)) else 1
+
+
+def _simulated(arguments: argparse.Namespace) -> bool:
+    """Simulate the drives, print how they follow, and return whether the limits are kept. Raises BellcrankError."""
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.sizing.verification import verify_selection
+
+    unused = [name for name, given in (
+        ("--payload", arguments.payload), ("--mass-tolerance", arguments.mass_tolerance != "0"),
+        ("conditions of the command line", conditions(arguments)),
+    ) if given]  # fmt: skip
+    found = verify_selection(
+        arguments.robot,
+        arguments.motion or None,
+        settle=number_option("--settle", arguments.settle, "s", least=0.0) or 0.0,
+        frame=arguments.frame,
+        limits=dict(map(_limit, arguments.limit)),
+        overrides=dict(parse_assignment(text) for text in arguments.changes) or None,
+        trust=arguments.trust,
+        progress=lambda name: print(f"simulating motion '{name}' …", file=sys.stderr),
+    )
+    print(f"\n{found}")
+    if unused:
+        print(f"note: {', '.join(unused)} are not part of the simulation; write them in the file")
+    if arguments.out is not None:
+        print(f"wrote {found.to_json(arguments.out.with_name(f'{arguments.out.stem}_simulated.json'))}")
+    return found.kept
+
+
+def _limit(text: str) -> tuple[str, float]:
+    """(name, value) of NAME=VALUE. Raises InputError."""
+    name, sign, value = text.partition("=")
+    units = {"tracking_error": "rad or m", "tool_error": "m", "settling_time": "s", "winding_temperature": "°C"}
+    try:
+        return name.strip(), parse_number(value.strip(), units.get(name.strip(), ""))
+    except ValueError as error:
+        raise InputError(f"--limit {text}: {error if sign else 'expected NAME=VALUE'}") from None

@@ -38,8 +38,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 GROWTH = 1e-9  # of the largest eigenvalue, or of 1 for a sampled loop: a slower growth is rounding
 LARGEST_GAIN = 1e4
-GRID = 400  # factors and angles that are tried before the border between two of them is located
-FREQUENCIES = 2000
+GRID = 24  # factors and angles that are tried before the border between two of them is located
+BISECTIONS = 32
+FREQUENCIES = 1000
 LOWEST = 1e-5  # of the largest frequency
 MOST_INSTANTS = 20_000
 COMMON = 1e-6  # relative: sample times whose ratio is nearer than this to a whole number have it
@@ -240,7 +241,7 @@ class DriveEquations:
 
 def drive_dynamics(scene: Scene, drive: Drive, time: Array, position: Array) -> DriveDynamics:
     """The dynamics of a drive of a scene without losses, at rest in a posture (nq,). Raises InputError."""
-    resonances, antiresonances = _resonances(scene, drive, time, position)
+    resonances, antiresonances = _resonances(scene, drive, time, position) if drive.is_elastic else ((), ())
     found = DriveDynamics(
         joint=drive.joint.name, resonances=resonances, antiresonances=antiresonances, stable=None, gain_margin=None,
         phase_margin=None, bandwidth=None,
@@ -253,7 +254,7 @@ def drive_dynamics(scene: Scene, drive: Drive, time: Array, position: Array) -> 
     return replace(
         found,
         stable=True,
-        gain_margin=loop.border(lambda s: LARGEST_GAIN**s + 0j, lambda s: LARGEST_GAIN**s),
+        gain_margin=loop.border(lambda s: LARGEST_GAIN**s, lambda s: LARGEST_GAIN**s),
         phase_margin=loop.border(lambda s: np.exp(-1j * math.pi * s), lambda s: math.pi * s),
         bandwidth=loop.bandwidth(),
     )
@@ -304,6 +305,7 @@ class DriveLoop:
         without[self.number] = 0.0
         self._one, self._zero = self.equations.slopes(ones), self.equations.slopes(without)
         self.period, self._schedule = self._instants()
+        self._spans: dict[float, tuple[Complex, Complex]] = {}
 
     def _instants(self) -> tuple[float, list[tuple[float, int]]]:
         """The longest sample time, and (time, update) within it in order."""
@@ -327,6 +329,8 @@ class DriveLoop:
 
     def _at(self, factor: complex) -> _Slopes:
         one, zero = self._one, self._zero
+        if factor.imag == 0.0:
+            factor = factor.real  # real matrices take half the time
 
         def mixed(a: Array, b: Array) -> Array:
             return np.asarray(b + factor * (a - b))  # the equations are linear in κ
@@ -336,30 +340,42 @@ class DriveLoop:
 
     def monodromy(self, factor: complex, driven: Array | None = None, kicks: list[Array] | None = None) -> Complex:
         """The matrix of a period over (x, h), and with `driven` and `kicks` a last column for a constant input."""
-        from scipy.linalg import expm
-
         slopes = self._at(factor)
         n, m = len(slopes.field), self.equations.held_size
-        whole = np.eye(n + m + 1, dtype=np.complex128)
-        rates = np.zeros_like(whole)
-        rates[:n, :n], rates[:n, n : n + m] = slopes.field, slopes.by_held
-        if driven is not None:
-            rates[:n, -1] = driven
-        steps: dict[float, Complex] = {}
+        whole: Complex = np.eye(n + m + 1, dtype=slopes.field.dtype)
         now = 0.0
         for time, k in [*self._schedule, (self.period, -1)]:
             span = round((time - now) / self.period, 9) * self.period
             if span > 0.0:
-                if span not in steps:
-                    steps[span] = expm(rates * span)
-                whole, now = steps[span] @ whole, time
+                whole, now = self._over(span, factor, slopes, driven) @ whole, time
             if k >= 0:
-                jump = np.eye(n + m + 1, dtype=np.complex128)
+                jump = np.eye(n + m + 1, dtype=slopes.field.dtype)
                 jump[n : n + m, :n], jump[n : n + m, n : n + m] = slopes.updates[k]
                 if kicks is not None:
                     jump[n : n + m, -1] = kicks[k]
                 whole = jump @ whole
         return whole
+
+    def _over(self, span: float, factor: complex, slopes: _Slopes, driven: Array | None) -> Complex:
+        """The change of (x, h, 1) over a time (s) without an instant."""
+        if driven is not None or not (self._one.field == self._zero.field).all():
+            return self._exponential(span, slopes, driven)
+        # κ acts through what is held only, in which the change is linear
+        if span not in self._spans:
+            ends = [self._exponential(span, each, None) for each in (self._one, self._zero)]
+            self._spans[span] = ends[0] - ends[1], ends[1]
+        change, without = self._spans[span]
+        return np.asarray(without + factor * change)
+
+    def _exponential(self, span: float, slopes: _Slopes, driven: Array | None) -> Complex:
+        from scipy.linalg import expm
+
+        n, m = len(slopes.field), self.equations.held_size
+        rates = np.zeros((n + m + 1, n + m + 1), dtype=slopes.field.dtype)
+        rates[:n, :n], rates[:n, n : n + m] = slopes.field, slopes.by_held
+        if driven is not None:
+            rates[:n, -1] = driven
+        return np.asarray(expm(rates * span))
 
     def stable(self, factor: complex) -> bool:
         """Whether the closed loop is stable with this factor."""
@@ -374,7 +390,7 @@ class DriveLoop:
         for share in np.linspace(0.0, 1.0, GRID + 1)[1:].tolist():
             if not self.stable(factor(share)):
                 good, bad = before, share
-                for _ in range(40):
+                for _ in range(BISECTIONS):
                     middle = 0.5 * (good + bad)
                     good, bad = (middle, bad) if self.stable(factor(middle)) else (good, middle)
                 return value(good)

@@ -14,7 +14,7 @@ peak torque and current, voltage and largest speed. `model: dc` is the DC equiva
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
 Losses of an elastic gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1)
-where the motor drives the load and |P| (1 − η_b) where the load drives the motor. With η_b = 0 the gear is self-locking:
+where the motor drives the load and |P| (1 − η_b) where the load drives the motor. With η_b = 0 the gear locks itself:
 then the second is |P| (1/η − 1) too, as of a screw whose friction is the same both ways, and at least 1.01 |P|.
 """
 
@@ -76,7 +76,8 @@ class Drive(Controller):
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
         circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage;
-            of `torque` the limits |a T + b ω| ≤ 1: a1, b1, a2, b2, …
+            of `torque` the limits |a T + b ω| ≤ 1: a0, b0, a1, b1, …
+        curve: Of `torque` the printed curve of short-time operation: speed, rad/s, and torque, N m.
         servo: The cascade of controllers; None: `command` gives torque or voltage.
         command: The torque, N m at the rotor, or the voltage of a dc model.
     """
@@ -86,6 +87,7 @@ class Drive(Controller):
     loss: Numbers
     law: str
     circuit: Numbers
+    curve: tuple[tuple[float, float], ...]
     servo: Servo | None
     command: Expression | None
     kind: ClassVar[str] = "drive"
@@ -251,7 +253,19 @@ class Drive(Controller):
         for k in range(len(self.circuit) // 2):
             a, b = self.circuit[f"a{k}"], self.circuit[f"b{k}"]
             torque = casadi.fmax(casadi.fmin(torque, (1.0 - b * speed) / a), (-1.0 - b * speed) / a)
+        if self.curve:
+            most = self._on_curve(casadi.fabs(speed))
+            torque = casadi.fmax(casadi.fmin(torque, most), -most)
         return torque
+
+    def _on_curve(self, speed: casadi.SX) -> casadi.SX:
+        """The torque (N m) of the printed curve at a speed of 0 or more; that of its last point beyond it."""
+        import casadi
+
+        speeds, torques = zip(*self.curve, strict=True)
+        if len(speeds) == 1:
+            return casadi.SX(torques[0])
+        return casadi.SX(casadi.pw_lin(casadi.fmin(speed, speeds[-1]), list(speeds), list(torques)))
 
     def _command_over_limit(self, symbols: Symbols) -> casadi.SX:
         """The command over its limit: of torque the largest |a T + b ω|, else the voltage over that of the bus."""
@@ -263,6 +277,8 @@ class Drive(Controller):
         most = symbols.zero
         for k in range(len(self.circuit) // 2):
             most = casadi.fmax(most, casadi.fabs(self.circuit[f"a{k}"] * command + self.circuit[f"b{k}"] * speed))
+        if self.curve:
+            most = casadi.fmax(most, casadi.fabs(command) / self._on_curve(casadi.fabs(speed)))
         return most
 
     def commanded(self, symbols: Symbols) -> casadi.SX:
@@ -348,7 +364,7 @@ class Drive(Controller):
 
     @property
     def _is_limited(self) -> bool:
-        return any(key in self.circuit for key in ("a0", "voltage"))
+        return bool(self.curve) or any(key in self.circuit for key in ("a0", "voltage"))
 
     def measure(self, symbols: Symbols) -> casadi.SX:
         """Torque of the motor, speed of the rotor, force on the joint, twist, current, voltage, and tracking error."""
@@ -482,8 +498,10 @@ def _drive(entry: Fields, joint: RobotJoint, actuator: Actuator, context: Contro
             circuit["peak_torque"] = motor.peak_electrical_torque
     else:
         circuit = _torque_limits(motor, conditions)
+    curve = tuple(motor.peak_curve or ()) if model == "torque" else ()
     servo, command = read_servo(entry, joint, model, context)
-    return Drive(f"drive_{joint.name}", entry, (joint,), None, model, numbers, loss, law, circuit, servo, command)
+    name = f"drive_{joint.name}"
+    return Drive(name, entry, (joint,), None, model, numbers, loss, law, circuit, curve, servo, command)
 
 
 def _stated(entry: Fields, key: str, value: float | None) -> float:

@@ -1,0 +1,474 @@
+"""`bellcrank.verify_selection`: whether the axes follow their motions with their drives in the loop."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.actuators.electrical import copper_loss, friction_loss
+from bellcrank.actuators.product_arrays import MotorArrays
+from bellcrank.actuators.thermal import HeatCycle, ThermalModel
+from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.dynamics.drive_loops import DriveDynamics
+from bellcrank.errors import InputError
+from bellcrank.files import json_files
+from bellcrank.files.access import Trust
+from bellcrank.messages import unknown_name
+from bellcrank.notes import Note, WithNotes
+from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.scene import Scene
+from bellcrank.simulation.simulate import simulate
+from bellcrank.sizing.selection.selection import Selection
+from bellcrank.sizing.text_tables import TableContent, text_table
+
+if TYPE_CHECKING:
+    from bellcrank.elements.drives import Drive
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s
+LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", "command_over_limit": "",
+                 "winding_temperature": "°C"}  # fmt: skip
+BAND: Final = {"rad": 1e-3, "m": 1e-4}  # within which a joint has settled
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowedAxis:
+    """How one axis follows one motion.
+
+    Attributes:
+        joint: Its joint, and `unit` that of its position, rad or m.
+        motion: The motion.
+        tracking_error: Largest |reference − position|.
+        settling_time: From the end of the motion until the error stays within the band, s; infinite where it does not.
+        command_over_limit: Largest command over the limit of torque or voltage; None where no limit is known.
+        time_at_limit: How long the command is above it, s.
+        motor_torque: Root of the mean square of the electrical torque, N m.
+        current: Largest, A, and `voltage`, V; None for `model: torque`.
+        stuck: How long friction holds the rotor, s.
+        winding_temperature: Largest where motion and rest repeat indefinitely, °C; None where unknown.
+    """
+
+    joint: str
+    unit: str
+    motion: str
+    tracking_error: float
+    settling_time: float
+    command_over_limit: float | None
+    time_at_limit: float
+    motor_torque: float
+    current: float | None
+    voltage: float | None
+    stuck: float
+    winding_temperature: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelectionVerification(WithNotes):
+    """Whether the axes of a robot follow its motions with their drives in the loop; made by `verify_selection`.
+
+    Attributes:
+        robot: Name of the robot or robot configuration.
+        axes: Each axis along each motion.
+        tool_errors: By motion the largest distance (m) of the frame from where the motion has it.
+        frame: The frame.
+        drives: Resonances, bandwidth and margins of each drive at the start; empty where they cannot be computed.
+        limits: The limits that were given, by name.
+        unfinished: (motion, reason) of runs that ended early.
+        band: Within which a joint has settled: rad and m.
+        warnings: What else to know.
+    """
+
+    robot: str
+    axes: tuple[FollowedAxis, ...]
+    tool_errors: Mapping[str, float]
+    frame: str
+    drives: tuple[DriveDynamics, ...]
+    limits: Mapping[str, float]
+    unfinished: tuple[tuple[str, str], ...]
+    band: Mapping[str, float]
+    warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"SelectionVerification('{self.robot}', {self.verdict})"
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """A sentence for each limit that is exceeded or not known, each run that ended early and each unstable loop."""
+        found = [f"motion '{motion}': the run ended early: {why}" for motion, why in self.unfinished]
+        found += [f"drive of {drive.joint}: its loop is unstable" for drive in self.drives if drive.stable is False]
+        for name, limit in self.limits.items():
+            if name == "tool_error":
+                found += [
+                    f"motion '{motion}': tool error {error:.4g} m is above {limit:g}"
+                    for motion, error in self.tool_errors.items()
+                    if not error <= limit
+                ]
+                continue
+            for axis in self.axes:
+                value = getattr(axis, name)
+                words = f"{axis.joint}, motion '{axis.motion}': {name.replace('_', ' ')}"
+                if value is None:
+                    found.append(f"{words} is unknown")
+                elif not value <= limit:
+                    found.append(f"{words} {value:.4g} is above {limit:g}")
+        return tuple(found)
+
+    @property
+    def kept(self) -> bool:
+        """Whether all runs ended as they should, with stable loops, and every limit that was given is kept."""
+        return not self.exceeded
+
+    @property
+    def verdict(self) -> str:
+        """ "kept" or "exceeded"."""
+        return "kept" if self.kept else "exceeded"
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def table(self) -> str:
+        """The result as text: a row for each axis and motion, tool errors, dynamics of the drives, and the verdict.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.verify_selection("manutec_axis").table().splitlines()[0]
+            'Manutec axis, drives in the loop'
+        """
+        header = ["joint", "motion", "tracking\nerror", "settled\nafter [s]", "command\nof limit", "at limit\n[s]",
+                  "torque RMS\n[N m]", "current\n[A]", "voltage\n[V]", "stuck\n[s]", "winding\n[°C]"]  # fmt: skip
+        rows = [
+            [
+                one.joint, one.motion, f"{one.tracking_error:.4g} {one.unit}",
+                f"{one.settling_time:.4g}" if math.isfinite(one.settling_time) else "not yet",
+                "unknown" if one.command_over_limit is None else f"{one.command_over_limit:.1%}",
+                f"{one.time_at_limit:.4g}", f"{one.motor_torque:.4g}", _cell(one.current), _cell(one.voltage),
+                f"{one.stuck:.4g}", "unknown" if one.winding_temperature is None else f"{one.winding_temperature:.4g}",
+            ]
+            for one in self.axes
+        ]  # fmt: skip
+        parts = [f"{self.robot}, drives in the loop", text_table(TableContent(header, rows), (0, 1))]
+        if self.frame:
+            errors = ", ".join(f"{error:.4g} m along {motion}" for motion, error in self.tool_errors.items())
+            parts.append(f"largest distance of frame '{self.frame}' from its path: {errors}")
+        parts += [
+            f"drive of {drive.joint}: {'; '.join(f'{name} {value}' for name, value in drive.rows())}"
+            for drive in self.drives
+        ]
+        parts += [f"note: {text}" for text in self.warnings]
+        if self.exceeded:
+            parts += ["EXCEEDED:", *(f"  - {text}" for text in self.exceeded)]
+        else:
+            parts.append("All limits that were given are kept." if self.limits else "No limit was given.")
+        return "\n".join(parts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as data that JSON can hold, None where infinite or unknown."""
+
+        def finite(value: Any) -> Any:
+            return None if isinstance(value, float) and not math.isfinite(value) else value
+
+        return {
+            "robot": self.robot,
+            "kept": self.kept,
+            "exceeded": list(self.exceeded),
+            "axes": [{key: finite(value) for key, value in asdict(one).items()} for one in self.axes],
+            "tool_errors": {motion: finite(error) for motion, error in self.tool_errors.items()},
+            "frame": self.frame,
+            "drives": [drive.to_dict() for drive in self.drives],
+            "limits": dict(self.limits),
+            "band": dict(self.band),
+            "notes": [str(text) for text in self.warnings],
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the result as JSON.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.verify_selection("manutec_axis").to_json("verification.json").name
+            'verification.json'
+        """
+        return json_files.write_json(
+            arguments.path("path", path, "the path of a file"), self.as_dict(), ascii_only=True
+        )
+
+
+@arguments.named
+def verify_selection(
+    scene: Scene | Selection | str | Path,
+    motions: str | Sequence[str] | None = None,
+    *,
+    settle: float = 0.5,
+    frame: str | None = None,
+    limits: Mapping[str, float] | None = None,
+    sample_time: float = 1e-3,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+    progress: Callable[[str], None] | None = None,
+) -> SelectionVerification:
+    """Simulate a robot with its drives in the loop along its motions, and measure how the axes follow.
+
+    Each run starts at the start of a motion, follows it, and goes on at rest for the time `settle`. Actuators without
+    `model` in the file are taken as `model: torque` with a rigid gear and a servo whose gains are found automatically,
+    which a note says.
+
+    Args:
+        scene: A scene or robot configuration with actuators, its path or name, or the result of `select`.
+        motions: Names of motions of the configuration; by default all.
+        settle: Time after the end of each motion, s.
+        frame: The frame whose distance from its path is measured; by default the last one under `frames`, or the last
+            link of an open chain.
+        limits: Limits by name: "tracking_error" (rad or m), "tool_error" (m), "settling_time" (s),
+            "command_over_limit" (1) and "winding_temperature" (°C).
+        sample_time: Of servos that the file does not describe, s.
+        overrides: Values of the scene to change, by dotted path.
+        trust: Folders whose files the scene may name, besides those near it.
+        progress: Called with the name of each motion before it is simulated.
+
+    Returns:
+        The SelectionVerification; `print` shows it.
+
+    Raises:
+        InputError: There are no motions or actuators, a name is unknown, or a run cannot start.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> found = bc.verify_selection("manutec_axis", limits={"tracking_error": 2e-3})
+        >>> found.kept, round(found.axes[0].tracking_error, 5)
+        (True, 0.00182)
+    """
+    rest = arguments.number("settle", settle, "s", least=0.0)
+    given_limits = _checked_limits(limits)
+    period = arguments.number("sample_time", sample_time, "s", least=0.0)
+    if not period > 0.0:
+        arguments.refuse("sample_time", "a time of more than 0 (s)", sample_time)
+    if progress is not None:
+        arguments.function("progress", progress, "a function of the name of a motion")
+    with ExitStack() as stack:
+        whole = _scene_of(scene, overrides, trust, stack)
+        names = _motion_names(whole, motions)
+        whole, notes = _with_drives(whole, names[0], period)
+        point = _frame(whole, frame)
+        runs = {}
+        for name in names:
+            if progress is not None:
+                progress(name)
+            runs[name] = _run(whole, name, rest)
+    axes = [_followed(run, drive, name) for name, run in runs.items() for drive in run.scene.drives]
+    drives, why = _dynamics(runs[names[0]])
+    notes += why
+    for run in runs.values():
+        notes += [note for note in (*run.notes, *run.warnings) if "its motion ends at" not in note]
+    return SelectionVerification(
+        robot=whole.name,
+        axes=tuple(axes),
+        tool_errors={} if not point else {name: _tool_error(run, name, point) for name, run in runs.items()},
+        frame=point,
+        drives=drives,
+        limits=given_limits,
+        unfinished=tuple((name, run.reason) for name, run in runs.items() if not run.success),
+        band=BAND,
+        warnings=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _checked_limits(limits: Mapping[str, float] | None) -> dict[str, float]:
+    found = {}
+    for name, value in (limits or {}).items():
+        if name not in LIMITS:
+            raise InputError(f"argument 'limits': {unknown_name('limit', name, LIMITS)}")
+        found[name] = arguments.number(f"limits.{name}", value, LIMITS[name], least=0.0)
+    return found
+
+
+def _scene_of(
+    given: Scene | Selection | str | Path, overrides: Mapping[str, Any] | None, trust: Trust, stack: ExitStack
+) -> Scene:
+    if not isinstance(given, Selection):
+        return given_scene(given, overrides, trust)
+    config = None if given.inputs is None else given.inputs.config
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+    path = given.write_config(folder / "selection.yaml")
+    beside = [] if config is None else [config.source.resolve().parent, config.urdf.resolve().parent]
+    more = [trust] if isinstance(trust, (str, Path)) else list(trust)
+    return given_scene(path, overrides, [*beside, *more])
+
+
+def _motion_names(scene: Scene, motions: str | Sequence[str] | None) -> list[str]:
+    known = list(scene.config.motions)
+    names = known
+    if motions is not None:
+        given = [motions] if isinstance(motions, str) else motions
+        names = list(arguments.several("motions", given, str, "names of motions"))
+    for name in names:
+        if name not in known:
+            raise InputError(f"argument 'motions': {unknown_name('motion', name, known)}")
+    if not names:
+        raise InputError(f"{scene.source}: there is no motion to follow; write some under 'motions'")
+    return names
+
+
+def _with_drives(scene: Scene, motion: str, period: float) -> tuple[Scene, list[str]]:
+    """The scene with a drive for each actuator, and notes on those that the file does not describe."""
+    there = {drive.joint.name for drive in scene.drives}
+    coupled = set(scene.config.coupled_motors)
+    missing = [name for name in scene.config.actuators if name not in there and name not in coupled]
+    if not scene.config.actuators:
+        raise InputError(f"{scene.source}: there is no actuator; write motors and gears under 'actuators'")
+    if coupled:
+        raise InputError(
+            f"{scene.source}: drives of coupled transmissions ({', '.join(sorted(coupled))}) are not supported"
+        )
+    notes: list[str] = []
+    changes: dict[str, Any] = {}
+    rough = []
+    for name in missing:
+        motor, _ = scene.config.actuators[name].rows
+        changes[f"actuators.{name}.model"] = "torque"
+        changes[f"actuators.{name}.servo"] = {"motion": motion, "gains": "auto", "sample_time": period}
+        if motor.coulomb_torque is None or motor.viscous_coefficient is None:
+            changes[f"actuators.{name}.rotor_friction"] = "none"
+            rough.append(name)
+    if missing:
+        notes.append(
+            Note(
+                f"the file describes no drive of {', '.join(missing)}; taken: model torque, a rigid gear, and a servo "
+                f"of {period:g} s whose gains are found"
+            )
+        )
+    if rough:
+        notes.append(Note(f"the friction of the motors of {', '.join(rough)} is not stated, and is left out"))
+    return (scene.with_overrides(changes) if changes else scene), notes
+
+
+def _frame(scene: Scene, frame: str | None) -> str:
+    """The frame whose distance from its path is measured; empty where there is none."""
+    robot = scene.robot
+    if frame is not None:
+        if arguments.text("frame", frame, "the name of a frame") not in robot.frame_names:
+            raise InputError(f"argument 'frame': {unknown_name('frame', frame, robot.frame_names)}")
+        return frame
+    tree = robot.equations.tree
+    parents = {joint.parent for joint in tree.joints}
+    ends = [k + 1 for k in range(len(tree.joints)) if k + 1 not in parents]
+    if len(ends) != 1 or scene.constraints:
+        return ""
+    links = [name for name in robot.frame_names if not name.startswith("payload ")]
+    return list(scene.config.frames or links)[-1]
+
+
+def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
+    length = scene.motion(motion).duration
+    changes: dict[str, Any] = {"initial": {"motion": motion}, "simulate.duration": length + rest}
+    for drive in scene.drives:
+        if drive.servo is not None:
+            changes[f"actuators.{drive.joint.name}.servo.motion"] = motion
+    duration = length + rest
+    rows = min(max(math.ceil(duration / SPACING) + 1, 1001), MOST_ROWS)
+    return simulate(scene.with_overrides(changes), samples=rows)
+
+
+def _followed(run: Trajectory, drive: Drive, motion: str) -> FollowedAxis:
+    labels = [label.removeprefix(f"{drive.name} ") for label in run.scene.outputs[drive.name].labels]
+    columns = dict(zip([label.rpartition(" [")[0] for label in labels], run.outputs[drive.name].T, strict=True))
+    unit = "m" if drive.joint.kind == "prismatic" else "rad"
+    wanted = run.scene.motion(motion)
+    error = np.abs(columns.get("tracking error", np.zeros(1)))
+    outside = np.flatnonzero(error > BAND[unit])
+    settled = 0.0
+    if len(outside) and drive.servo is not None:
+        last = int(outside[-1])
+        settled = math.inf if last == len(error) - 1 else max(float(run.time[last + 1]) - wanted.duration, 0.0)
+    over = columns.get("command over limit")
+    step = np.gradient(run.time) if len(run.time) > 1 else np.zeros(len(run.time))
+    torque = columns["motor torque"]
+    name = f"{drive.joint.name} rotor"
+    held = run.stuck(name) if name in run.scene.sticking else np.zeros((0, 2))
+    return FollowedAxis(
+        joint=drive.joint.name,
+        unit=unit,
+        motion=motion,
+        tracking_error=float(error.max()),
+        settling_time=settled,
+        command_over_limit=None if over is None else float(over.max()),
+        time_at_limit=0.0 if over is None else float(step[over > 1.0].sum()),
+        motor_torque=_root_mean_square(run.time, torque),
+        current=_largest(columns.get("current")),
+        voltage=_largest(columns.get("voltage")),
+        stuck=float((held[:, 1] - held[:, 0]).sum()),
+        winding_temperature=_temperature(run, drive, torque, columns["rotor velocity"]),
+    )
+
+
+def _root_mean_square(time: Array, values: Array) -> float:
+    squares = 0.5 * (values[1:] ** 2 + values[:-1] ** 2) * np.diff(time)
+    return math.sqrt(float(squares.sum()) / float(time[-1] - time[0])) if len(time) > 1 else abs(float(values[0]))
+
+
+def _largest(values: Array | None) -> float | None:
+    return None if values is None else float(np.abs(values).max())
+
+
+def _temperature(run: Trajectory, drive: Drive, torque: Array, speed: Array) -> float | None:
+    """The largest winding temperature where the run repeats indefinitely, °C; None where unknown."""
+    actuator = run.scene.config.actuators[drive.joint.name]
+    motor, _ = actuator.rows
+    motors, conditions = MotorArrays.of((motor,)), actuator.judged_under
+    if len(run.time) < 2:
+        return None
+    copper, friction = copper_loss(motors, torque), np.abs(friction_loss(motors, speed))
+    heat = HeatCycle(
+        duration=np.diff(run.time),
+        copper_loss=0.5 * (copper[1:] + copper[:-1])[None],
+        friction_loss=0.5 * (friction[1:] + friction[:-1])[None],
+    )
+    found = float(periodic_temperatures(ThermalModel.of(motors, conditions), heat).winding_peak[0])
+    return None if math.isnan(found) else found
+
+
+def _tool_error(run: Trajectory, motion: str, frame: str) -> float:
+    """The largest distance of a frame from where the motion has it, m."""
+    robot = run.robot
+    joints = [joint for joint in robot.joints if joint.nv == 1]
+    at = np.minimum(run.time, run.scene.motion(motion).duration)
+    wanted = run.position.copy()
+    references = {drive.name: drive for drive in run.scene.drives if drive.servo is not None}
+    for drive in references.values():
+        assert drive.servo is not None and drive.servo.motion is not None
+        place = [joint.name for joint in joints].index(drive.joint.name)
+        wanted[:, drive.joint.q] = drive.servo.motion.signal.at(at)[:, place]
+    distance = robot.frame_pose(frame, run.position)[0] - robot.frame_pose(frame, wanted)[0]
+    return float(np.sqrt((distance**2).sum(axis=1)).max())
+
+
+def _dynamics(run: Trajectory) -> tuple[tuple[DriveDynamics, ...], list[str]]:
+    """The dynamics of the drives at the start of a run, or a note on why they cannot be computed."""
+    from bellcrank.analysis.linearise import linearise
+
+    try:
+        return linearise(run).drives, []
+    except InputError as error:
+        return (), [Note(f"resonances and margins are not computed: {error}")]
