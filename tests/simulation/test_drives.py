@@ -174,6 +174,29 @@ def test_the_rotors_friction_holds_the_joint_up_to_its_breakaway_torque(
     assert bool(abs(run.position[-1, 0]) > 1e-3) is moves
 
 
+def test_a_gear_with_backlash_pushes_only_beyond_its_gap_as_another_integrator_has_it(tmp_path: Path) -> None:
+    gap, half = 0.01, 0.005
+    drive = {"elastic": {"stiffness": C, "damping": D, "backlash": gap}, "servo": {"torque": "0.3*sin(6*t)"}}
+    run = bc.simulate(scene(tmp_path, drive, simulate={"duration": 1.0}))
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        twist, speed = x[2] / N - x[0], x[3] / N - x[1]
+        force = max(0.0, C * (twist - half) + D * speed) if twist > half else 0.0
+        force -= max(0.0, C * (-twist - half) - D * speed) if twist < -half else 0.0
+        return [x[1], force / LOAD, x[3], (0.3 * math.sin(6 * t) - force / N) / J]
+
+    edges = [lambda t, x, s=s: s * (x[2] / N - x[0]) - half for s in (1.0, -1.0)]
+    x, rows = np.zeros(4), [np.zeros(4)]
+    for before, after in zip(run.time[:-1], run.time[1:], strict=True):  # restarted at each row, with small steps
+        x = solve_ivp(rate, (before, after), x, "RK45", rtol=1e-11, atol=1e-13, max_step=1e-4, events=edges).y[:, -1]
+        rows.append(x)
+    mine = np.column_stack([run.position, run.velocity, run.auxiliary])
+    assert np.abs(mine - np.array(rows)).max() < 1e-6 * np.abs(mine).max()
+    twist, force = column(run, "twist [rad]"), column(run, "gear output [N m]")
+    assert not force[np.abs(twist) < half].any() and (force * twist).min() >= 0.0
+    assert run.energy_drift() < 1e-10
+
+
 # ---- servos
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -348,7 +349,7 @@ def test_two_frictions_of_one_joint_and_unknown_joints_are_refused(block, tmp_pa
     with pytest.raises(bc.InputError, match="elbow"):
         bc.load_scene(tmp_path / "scene.yaml")
     (tmp_path / "scene.yaml").write_text("urdf: planar_2r\njoints: {elbow: {}}\n")
-    with pytest.raises(bc.InputError, match="expected 'dry_friction' or 'stop', found nothing"):
+    with pytest.raises(bc.InputError, match="expected 'dry_friction', 'stop' or 'brake', found nothing"):
         bc.load_scene(tmp_path / "scene.yaml")
 
 
@@ -363,7 +364,7 @@ def test_what_needs_smooth_equations_refuses_a_joint_that_sticks(block, function
 
 def test_unknown_joints_of_stuck_are_refused(block):
     run = bc.simulate(block({"coulomb": 1}), duration=0.1)
-    with pytest.raises(bc.InputError, match="joint with dry friction 'elbow'"):
+    with pytest.raises(bc.InputError, match="joint or rotor with dry friction 'elbow'"):
         run.stuck("elbow")
 
 
@@ -428,3 +429,41 @@ def test_sizing_sweep_and_inverse_dynamics_see_the_same_friction(tmp_path):
     assert swept.column("elbow.peak_torque")[0] == pytest.approx(sizing.peak_torque, rel=1e-12)
     torque = bc.scene_inverse_dynamics(path, bc.load_scene(path).motion("turn")).torque[:, 1]
     assert np.abs(torque).max() == pytest.approx(sizing.peak_torque, rel=1e-4)  # rows of the motion
+
+
+def test_a_brake_that_falls_in_late_stops_a_mass_where_its_force_says(tmp_path: Path) -> None:
+    # a mass of 2 kg slides at 3 m/s; from 0.5 s + 0.2 s on a force of 12 N acts: it stops 3/6 s later, and stays
+    brake = {"torque": 12.0, "engaged": "t - 0.5", "delay": 0.2}
+    run = bc.simulate(_slider(tmp_path, brake), duration=3.0)
+    assert run.stuck("slide") == pytest.approx(np.array([[1.2, 3.0]]), abs=1e-9)
+    assert run.position[-1, 0] == pytest.approx(3.0 * 0.7 + 0.5 * 3.0 * 0.5, abs=1e-9)
+    assert run.velocity[-1, 0] == 0.0
+    assert run.energy_drift() < 1e-9
+
+
+def test_a_brake_holds_while_it_is_engaged_and_lets_go_after(tmp_path: Path) -> None:
+    run = bc.simulate(_slider(tmp_path, {"torque": 12.0, "engaged": "1.5 - t"}, speed=0.0, push=4.0), duration=2.0)
+    assert run.stuck("slide") == pytest.approx(np.array([[0.0, 1.5]]), abs=1e-9)
+    assert run.velocity[-1, 0] == pytest.approx(4.0 / 2.0 * 0.5, abs=1e-9)
+
+
+def test_a_brake_with_a_delay_must_be_a_formula_of_time(tmp_path: Path) -> None:
+    path = _slider(tmp_path, {"torque": 1.0, "engaged": "joint('slide').velocity", "delay": 0.1})
+    with pytest.raises(bc.InputError, match="formula of time alone"):
+        bc.load_scene(path)
+
+
+def _slider(folder: Path, brake: dict[str, object], speed: float = 3.0, push: float = 0.0) -> Path:
+    (folder / "slider.urdf").write_text(
+        '<robot name="s"><link name="base"/><link name="mass"><inertial><mass value="2"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="slide" type="prismatic"><parent link="base"/><child link="mass"/><axis xyz="1 0 0"/>'
+        '<limit lower="-100" upper="100" velocity="100" effort="100"/></joint></robot>'
+    )
+    data = {
+        "urdf": "slider.urdf", "joints": {"slide": {"brake": brake}}, "initial": {"velocity": {"slide": speed}},
+        "forces": [{"kind": "joint_force", "joint": "slide", "value": push}], "simulate": {"rtol": 1e-10},
+    }  # fmt: skip
+    path = folder / "slider.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path

@@ -112,7 +112,7 @@ def test_friction_and_a_stop_of_one_joint_hold_it_together(block):
 
 
 def arm(folder, rng):
-    """A random arm of 2 to 4 joints under gravity with stops around its start, some with friction."""
+    """A random arm of 2 to 4 joints under gravity with stops around its start, some with friction and brakes."""
     count = int(rng.integers(2, 5))
     parts = ['<robot name="arm"><link name="l0"/>']
     for k in range(count):
@@ -134,6 +134,9 @@ def arm(folder, rng):
             own["stop"]["restitution"] = float(rng.choice([0.0, 0.3, 0.7]))
         if rng.random() < 0.4:
             own["dry_friction"] = {"coulomb": float(10 ** rng.uniform(-1, 0.5))}
+        if rng.random() < 0.3:
+            engaged = f"sin({rng.uniform(2, 20)}*t + {rng.uniform(0, 6)})"
+            own["brake"] = {"torque": float(10 ** rng.uniform(-1, 1.5)), "engaged": engaged}
         if own:
             joints[f"j{k}"] = own
     speed = {f"j{k}": float(rng.normal()) for k in range(count)}

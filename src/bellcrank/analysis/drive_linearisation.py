@@ -54,7 +54,7 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
     inputs = [(f"{drive.joint.name} motor torque", "N m") for drive in drives]
     inputs += [(f"{j.name} {'force' if j.kind == 'prismatic' else 'torque'}", "N" if j.kind == "prismatic" else "N m")
                for j in joints]  # fmt: skip
-    notes = [*file_notes(scene), Note("linear equations leave out dry friction, and the losses of gears by their load")]
+    notes = [*file_notes(scene), Note("linear equations leave out dry friction, and the losses and backlash of gears")]
     if any(drive.servo is not None and drive.servo.samples for drive in drives):
         notes.append(
             Note(

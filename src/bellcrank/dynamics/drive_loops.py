@@ -1,6 +1,6 @@
 """The loops of drives: resonance, bandwidth and stability margins of each, at rest in a posture.
 
-Their equations are linear ones about the posture, without dry friction and the losses of gears.
+Their equations are linear ones about the posture, without dry friction, losses of gears and backlash.
 
 The resonances of an axis are the eigenfrequencies ω_r of its rotor and the joints, with the torque of its motor given
 and the other rotors and joints without elastic gear held; the antiresonances ω_a those with its own rotor held too: the
@@ -113,7 +113,7 @@ def refuse_nonlinear(scene: Scene) -> None:
             f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a stop has no "
             "linear equations; remove it"
         )
-    if any(part.switches for part in scene.elements):
+    if any(part.switches for part in scene.elements if part not in scene.drives):
         raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")
     others = [part.name for part in scene.control if part.samples is not None and part not in scene.drives]
     if others:
@@ -123,7 +123,8 @@ def refuse_nonlinear(scene: Scene) -> None:
 def without_losses(drive: Drive) -> Drive:
     """A drive without dry friction, which holds its posture."""
     loss = {**drive.loss, "coulomb": 0.0, "static": 0.0}
-    gear = {**drive.gear, "efficiency": 1.0, "back_efficiency": 1.0} if drive.is_elastic else drive.gear
+    closed = {"efficiency": 1.0, "back_efficiency": 1.0, "backlash": 0.0}
+    gear = {**drive.gear, **closed} if drive.is_elastic else drive.gear
     servo = None if drive.servo is None else replace(drive.servo, motion=None, target=0.0)
     return replace(drive, loss=loss, gear=gear, servo=servo)
 

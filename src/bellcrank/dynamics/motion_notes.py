@@ -46,6 +46,8 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
                 f"model, elastic, rotor_friction and servo of actuators ({', '.join(drives)}) act in simulations only: "
                 "motors are judged as if joints followed the motion exactly"
             )
+        if brakes := [part.joint.name for part in mechanism.scene.dry_friction if part.engaged is not None]:
+            found.append(f"brakes ({', '.join(brakes)}) are taken as released: the motion is given")
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
         if stops:
             found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")

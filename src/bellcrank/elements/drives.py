@@ -4,6 +4,7 @@ An entry of `actuators` with a `model` is a drive. Its figures are those of the 
 ω the rotor's angle and speed, N the ratio, q the joint's position and T the electrical torque,
 
     δ = φ/N − q,    F = c δ + d δ̇      with `elastic`: F acts on the joint, and J ω̇ = T − F/N − friction
+    |δ| < b/2:      F = 0               with backlash b; beyond it c (|δ| − b/2) + d δ̇ sign δ pushes, and never pulls
     φ = N q                             without it: N T acts on the joint, and the rotor's inertia is the joint's
 
 `model: torque` is a motor whose torque is that of the command within the limits of the judge (short_time_limits.py):
@@ -45,7 +46,7 @@ from bellcrank.elements.element import (  # fmt: skip
     joint_unit,
     number,
 )
-from bellcrank.elements.expression import Expression
+from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_forces import Shaft
 from bellcrank.elements.sampled_controllers import Instants
@@ -71,8 +72,8 @@ class Drive(Controller):
 
     Attributes:
         model: "torque" or "dc".
-        gear: Its ratio; with an elastic gear also the inertia J at the rotor, stiffness c, damping d, efficiency and
-            back_efficiency.
+        gear: Its ratio; with an elastic gear also the inertia J at the rotor, stiffness c, damping d, backlash b,
+            efficiency and back_efficiency.
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
         circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage;
@@ -135,8 +136,50 @@ class Drive(Controller):
 
     @property
     def formulas(self) -> tuple[Expression, ...]:
-        """The command."""
-        return () if self.command is None else (self.command,)
+        """The command, and the two sides of a backlash."""
+        command = () if self.command is None else (self.command,)
+        return command if not self.has_backlash else (*command, *self._pushes)
+
+    @property
+    def has_backlash(self) -> bool:
+        """Whether the gear has a gap."""
+        return self.gear.get("backlash", 0.0) > 0.0
+
+    def _depth(self, sign: float) -> Term:
+        """How far the rotor has gone beyond the gap in a direction, at the joint."""
+        own = self.auxiliary
+        assert own is not None
+        angle = Term("auxiliary", value=(own.name, own.labels, 0))
+        twist = Term(
+            "-",
+            (
+                Term("*", (Term("number", value=1.0 / self.gear["ratio"]), angle)),
+                Term("joint", value=(self.joint.name, "position")),
+            ),
+        )
+        half = Term("number", value=0.5 * self.gear["backlash"])
+        return Term("-", (Term("*", (Term("number", value=sign), twist)), half))
+
+    @property
+    def _pushes(self) -> tuple[Expression, Expression]:
+        """The forces of both sides of the gap, of which at most one is not 0."""
+        own = self.auxiliary
+        assert own is not None
+        stiffness, damping = (
+            Term("setting", value=(self.owner, self.name, f"gear.{key}", self.gear[key]))
+            for key in ("stiffness", "damping")
+        )
+        speed = Term("*", (Term("number", value=1.0 / self.gear["ratio"]),
+                           Term("auxiliary", value=(own.name, own.labels, 1))))  # fmt: skip
+        rate = Term("-", (speed, Term("joint", value=(self.joint.name, "velocity"))))
+        found = []
+        for sign in (1.0, -1.0):
+            depth = self._depth(sign)
+            along = Term("*", (Term("*", (Term("number", value=sign), damping)), rate))
+            push = Term("+", (Term("*", (stiffness, depth)), along))
+            whole = Term("*", (Term("step", (depth,)), Term("max", (Term("number", value=0.0), push))))
+            found.append(Expression("", whole, repr(whole)))
+        return found[0], found[1]
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -157,7 +200,7 @@ class Drive(Controller):
         coulomb, static, speed, viscous = (self.loss[key] for key in LOSS)
         name = f"rotor_friction_{self.joint.name}"
         return RotorFriction(
-            name, self.place, self.joint, coulomb, static, speed, viscous, self.law, static > coulomb, self
+            name, self.place, self.joint, coulomb, static, speed, viscous, self.law, static > coulomb, drive=self
         )
 
     # ---- states
@@ -205,8 +248,22 @@ class Drive(Controller):
         position, velocity, _ = symbols.joint(self.joint)
         ratio = self.gear["ratio"]
         twist, rate = angle / ratio - position, speed / ratio - velocity
+        if self.has_backlash:
+            return self._force_with_backlash(symbols, rate)
         stiffness, damping = self.value(symbols, "gear.stiffness"), self.value(symbols, "gear.damping")
         return stiffness * twist + damping * rate, 0.5 * stiffness * twist * twist, damping * rate * rate
+
+    def _force_with_backlash(self, symbols: Symbols, rate: casadi.SX) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+        sides, stiffness = symbols.sides(self), self.value(symbols, "gear.stiffness")
+        force, potential, stored = symbols.zero, symbols.zero, symbols.zero
+        for sign, push in zip((1.0, -1.0), self._pushes, strict=True):
+            depth = self._depth(sign)
+            beyond = Expression("", Term("step", (depth,))).value(symbols, None, sides)
+            deep = Expression("", depth).value(symbols)
+            force += sign * push.value(symbols, None, sides)
+            potential += 0.5 * stiffness * beyond * deep * deep
+            stored += stiffness * beyond * deep * sign * rate
+        return force, potential, force * rate - stored
 
     def load_loss(self, symbols: Symbols, direction: casadi.SX | float) -> casadi.SX:
         """The loss of an elastic gear (N m at the rotor, 0 or more) while the rotor turns in a direction, 1 or −1."""
@@ -339,7 +396,8 @@ class Drive(Controller):
         speed, torque = ratio * velocity, load / ratio
         found: list[casadi.SX] = []
         if self.is_elastic:
-            found += [ratio * (position + load / self.value(symbols, "gear.stiffness")), speed]
+            gap = 0.5 * self.gear["backlash"] * casadi.sign(load)
+            found += [ratio * (position + load / self.value(symbols, "gear.stiffness") + gap), speed]
         if self.model == "dc":
             found.append(torque / self.value(symbols, "circuit.torque_constant"))
         if self.servo is not None:
@@ -388,7 +446,7 @@ class Drive(Controller):
 class RotorFriction(DryFriction):
     """The dry friction of a drive's rotor: at its own shaft behind an elastic gear, else at the joint."""
 
-    drive: Drive = field(repr=False)
+    drive: Drive = field(repr=False, kw_only=True)
 
     @property
     def rotor(self) -> tuple[AuxiliaryStates, int] | None:
@@ -515,12 +573,13 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
     if "elastic" not in entry:
         return {"ratio": ratio}
     elastic = entry.mapping("elastic")
-    elastic.only(("stiffness", "damping"))
+    elastic.only(("stiffness", "damping", "backlash"))
     if "stiffness" in elastic or gear.stiffness is None:
         stiffness = number(elastic, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
     else:
         stiffness = gear.stiffness
     damping = number(elastic, "damping", joint_unit(joint, "damping"), bound=NONNEGATIVE)
+    backlash = number(elastic, "backlash", joint_unit(joint, "position"), gear.backlash or 0.0, NONNEGATIVE)
     elastic.done()
     missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia),
                                       ("gear.efficiency", gear.efficiency)) if value is None]  # fmt: skip
@@ -533,7 +592,7 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
             "elastic", "behind an elastic gear the rotor turns by itself; give it an inertia of more than 0"
         )
     assert back is not None
-    return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping,
+    return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping, "backlash": backlash,
             "efficiency": gear.efficiency, "back_efficiency": back}  # fmt: skip
 
 

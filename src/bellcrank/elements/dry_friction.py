@@ -9,13 +9,16 @@ plus viscous v, against the motion; at v = 0 it takes any value up to `static` t
 exponential, Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994); hyperbolic, with coulomb = 0, Leine &
 Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), 6.5.
 
+A `brake` adds `torque` to the friction of its joint while the formula `engaged` is positive, `delay` later where it is
+one of time alone.
+
 A simulation holds the mode of each such joint: which way it slides, or that it is at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from bellcrank.config.fields import Fields
@@ -29,9 +32,11 @@ from bellcrank.elements.element import (  # fmt: skip
     joint_unit,
     number,
 )
+from bellcrank.elements.expression import Expression, Term, delayed
+from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.held_inputs import HeldSource, held_source
 from bellcrank.elements.joint_forces import Friction, JointForce, Numbers
-from bellcrank.robot.robot import Robot, RobotJoint
+from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:
     import casadi
@@ -40,6 +45,8 @@ if TYPE_CHECKING:
 
 LAWS: Final = ("exponential", "hyperbolic")
 KEY: Final = "dry_friction"
+BRAKE: Final = "brake"
+LEAST: Final = 1e-12  # N m or N
 
 
 @dataclass(frozen=True)
@@ -52,12 +59,15 @@ class DryFriction(JointForce):
     viscous: float
     law: str
     falls: bool  # whether `static` is given, and friction falls from it to `coulomb`
+    brake: float = 0.0  # N m or N
+    engaged: Expression | None = None  # the brake is engaged while it is positive
     kind: ClassVar[str] = KEY
     NUMBERS: ClassVar[Numbers] = {
         "coulomb": ("torque", None, NONNEGATIVE),
         "static": ("torque", None, NONNEGATIVE),
         "speed": ("velocity", 1.0, POSITIVE),
         "viscous": ("damping", 0.0, NONNEGATIVE),
+        "brake": ("torque", 0.0, POSITIVE),
     }
 
     @property
@@ -70,8 +80,25 @@ class DryFriction(JointForce):
         """The numbers of the file, of which the force at rest is more than 0."""
         joint = self.joint
         found = {key: Settable(joint_unit(joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
-        found[self.at_rest] = Settable(joint_unit(joint, "torque"), POSITIVE)
-        return {key: found[key] for key in (found if self.falls else ("coulomb", "viscous"))}
+        least = POSITIVE if self.engaged is None else NONNEGATIVE
+        found[self.at_rest] = Settable(joint_unit(joint, "torque"), least)
+        keys = [*("coulomb", "static", "speed", "viscous")] if self.falls else ["coulomb", "viscous"]
+        return {key: found[key] for key in (keys if self.engaged is None else [*keys, "brake"])}
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """1 while the brake is engaged."""
+        if self.engaged is None:
+            return ()
+        return (
+            Expression("", Term("step", (self.engaged.term,)), f"step {self.engaged.meaning or self.engaged.text}"),
+        )
+
+    def braking(self, symbols: Symbols) -> casadi.SX:
+        """What the brake adds to the friction, N m or N; 0 along motions that are given."""
+        if self.engaged is None or not symbols.held_sides:
+            return symbols.zero
+        return self.value(symbols, "brake") * self.formulas[0].value(symbols, None, symbols.sides(self))
 
     @property
     def mode(self) -> HeldSource:
@@ -88,11 +115,15 @@ class DryFriction(JointForce):
         """The largest force at rest, N m or N."""
         import casadi
 
-        return casadi.SX(self.value(symbols, self.at_rest))
+        return casadi.SX(self.value(symbols, self.at_rest)) + self.braking(symbols)
 
     def limits(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
         """The least and the largest force at rest, N m or N."""
+        import casadi
+
         limit = self.limit(symbols)
+        if self.engaged is not None:  # a released brake still has a limit to compare with
+            limit = casadi.fmax(limit, LEAST)
         return -limit, limit
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
@@ -100,10 +131,11 @@ class DryFriction(JointForce):
         import casadi
 
         velocity = self.shaft(symbols).velocity
-        coulomb = self.value(symbols, "coulomb")
+        coulomb = self.value(symbols, "coulomb") + self.braking(symbols)
         if self.at_rest == "coulomb":
             return -direction * coulomb
         static, speed = (self.value(symbols, name) for name in ("static", "speed"))
+        static += self.braking(symbols)
         share = direction * velocity / speed
         falling = casadi.exp(-share) if self.law == "exponential" else 1.0 / (1.0 + share)
         return -direction * (coulomb + (static - coulomb) * falling)
@@ -126,30 +158,51 @@ class DryFriction(JointForce):
 
 
 def dry_joints(read: Fields) -> tuple[str, ...]:
-    """The names of the joints of a scene that have dry friction. Raises InputError."""
+    """The names of the joints of a scene that have dry friction of their own. Raises InputError."""
     joints = read.mapping("joints", {})
     return tuple(name for name in joints if KEY in joints.mapping(name))
 
 
-def read_dry_friction(read: Fields, robot: Robot, forces: Sequence[Force]) -> tuple[DryFriction, ...]:
+def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Force]) -> tuple[DryFriction, ...]:
     """Read the mapping `joints` of a scene. Raises InputError naming file and key."""
     joints, found = read.mapping("joints", {}), []
     for name in joints:
         entry = joints.mapping(name)
-        joint = joint_named(joints, name, name, robot)
-        entry.only((KEY, "stop"))
-        if KEY not in entry:
+        joint = joint_named(joints, name, name, formulas.robot)
+        entry.only((KEY, "stop", BRAKE))
+        if KEY not in entry and BRAKE not in entry:
             if "stop" not in entry:
-                raise joints.error(name, f"expected '{KEY}' or 'stop', found nothing")
+                raise joints.error(name, f"expected '{KEY}', 'stop' or '{BRAKE}', found nothing")
             continue
-        part = _friction(entry.mapping(KEY), joint)
+        part = _friction(entry.mapping(KEY), joint) if KEY in entry else _none(entry, joint)
+        if BRAKE in entry:
+            torque, engaged = _brake(entry.mapping(BRAKE), joint, formulas)
+            part = replace(part, brake=torque, engaged=engaged)
         for other in forces:
-            if isinstance(other, Friction) and other.joint.name == name:
+            if KEY in entry and isinstance(other, Friction) and other.joint.name == name:
                 raise entry.error(KEY, f"force '{other.name}' is friction of the same joint; remove one of the two")
             if other.name == part.name:
                 raise entry.error(KEY, f"the name '{part.name}' is taken by a force; give the force another name")
         found.append(part)
     return tuple(found)
+
+
+def _none(entry: Fields, joint: RobotJoint) -> DryFriction:
+    """No dry friction but that of a brake."""
+    return DryFriction(f"{KEY}_{joint.name}", entry, joint, 0.0, 0.0, 1.0, 0.0, LAWS[0], False)
+
+
+def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[float, Expression]:
+    read.only(("torque", "engaged", "delay"))
+    torque = number(read, "torque", joint_unit(joint, "torque"), bound=POSITIVE)
+    engaged = formulas.read(read, "engaged")
+    delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
+    if delay:
+        if not engaged.operations <= {"time", "number", "parameter"}:
+            raise read.error("delay", "a delay requires an 'engaged' that is a formula of time alone, such as t - 0.5")
+        engaged = delayed(engaged, delay)
+    read.done()
+    return torque, engaged
 
 
 def _friction(read: Fields, joint: RobotJoint) -> DryFriction:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
+from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
@@ -38,7 +39,7 @@ FRAME = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 LONGEST, DEEPEST = 2000, 200
 _NAMED = ("joint", "frame", "output")
 _GUARDING = ("sqrt", "log", "asin", "acos", "tan")  # functions that, like powers and quotients, have no value somewhere
-_VARYING = ("time", "joint", "frame")  # leaves that change along a run
+_VARYING = ("time", "joint", "frame", "auxiliary")  # leaves that change along a run
 _CONSTANT: Final[dict[str, Callable[..., Any]]] = {  # (value, *pieces) -> number
     "number": lambda value: value, "negative": lambda _, x: -x, "+": lambda _, x, y: x + y, "-": lambda _, x, y: x - y,
     "*": lambda _, x, y: x * y, "/": lambda _, x, y: x / y, "**": lambda _, x, y: x**y,
@@ -114,6 +115,18 @@ class Expression:
         import casadi
 
         return casadi.SX(_build(self.term, symbols, acceleration, sides or {}))
+
+
+def delayed(expression: Expression, delay: float) -> Expression:
+    """An expression of time alone, some time (s) later."""
+
+    def later(term: Term) -> Term:
+        if term.operation == "time":
+            return Term("-", (term, Term("number", value=delay)))
+        return Term(term.operation, tuple(map(later, term.pieces)), term.value)
+
+    whole = later(expression.term)
+    return Expression(expression.text, whole, repr(whole))
 
 
 def term_value(term: Term, symbols: Symbols, sides: Sides) -> casadi.SX:
@@ -330,6 +343,9 @@ def _leaf(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
         return s.t + s.clock if s.clock else s.t
     if term.operation == "parameter":
         return s.parameter(term.value)
+    if term.operation == "auxiliary":  # a state of a drive, by its name, its labels and its number
+        name, labels, k = term.value
+        return s.auxiliary(AuxiliaryStates(name, labels))[k]
     if term.operation == "setting":  # a number of an element, which a parameter may set
         return casadi.SX(s.value(*term.value))
     name, what = term.value

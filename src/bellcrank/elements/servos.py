@@ -393,10 +393,15 @@ class Servo:
 
     def start(self, drive: Drive, symbols: Symbols, torque: casadi.SX) -> list[casadi.SX]:
         """Its states at the start, where the drive exerts a torque (N m) at the rotor."""
+        import casadi
+
         ratio = drive.gear["ratio"]
         place, rate, _ = self.wanted(drive, symbols)
         position, velocity, _ = symbols.joint(drive.joint)
-        wound = ratio * torque / drive.value(symbols, "gear.stiffness") if drive.is_elastic else 0.0
+        wound = symbols.zero
+        if drive.is_elastic:
+            gap = 0.5 * drive.gear["backlash"] * casadi.sign(torque)
+            wound = ratio * torque / drive.value(symbols, "gear.stiffness") + gap
         measured = position + wound if self.encoder == "motor" else position
         error = drive.value(symbols, "servo.position.kp") * (place - measured) + self.feedforward["speed"] * rate
         reference, turning = ratio * error, ratio * velocity

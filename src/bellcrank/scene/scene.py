@@ -531,7 +531,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     loop_files = {name: read_text(path) for name, path in _named_files(constraints).items()}
     formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
     forces = read_forces(read, formulas)
-    forces = (*forces, *read_dry_friction(read, robot, forces))
+    forces = (*forces, *read_dry_friction(read, formulas, forces))
     driven = [part.joint.name for part in constraints if isinstance(part, PrescribedMotion)]
     forces = (*forces, *read_joint_stops(read, robot, formulas, [force.name for force in forces], driven))
     motors = config.actuated or config.joints_with_actuators

@@ -81,6 +81,26 @@ def shared_rest(run: Trajectory) -> tuple[Note, ...]:
     )
 
 
+def simultaneous_impacts(run: Trajectory) -> tuple[Note, ...]:
+    """A note where several joints met their stops at one instant, so that the impulses depend on the law of impact."""
+    times: dict[float, list[str]] = {}
+    for stop in run.scene.stops_of_joints:
+        for time in impacts_at_stops(run, stop.joint.name)[:, 0].tolist():
+            times.setdefault(time, []).append(stop.joint.name)
+    several = {time: names for time, names in times.items() if len(names) > 1}
+    if not several:
+        return ()
+    time, names = next(iter(several.items()))
+    more = f", and at {len(several) - 1} more instants" if len(several) > 1 else ""
+    return (
+        Note(
+            f"joints {', '.join(names)} strike their stops at once at {time:.6g} s{more}: impulses and velocities after "
+            "it follow from the law of impact (Newton's, Poisson's where it would raise the energy), not from mechanics "
+            "alone"
+        ),
+    )
+
+
 def _stop(run: Trajectory, joint: str) -> JointStop:
     parts = {part.joint.name: part for part in run.scene.stops_of_joints}
     if joint not in parts:

@@ -407,11 +407,12 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0).notes
             ()
         """
-        from bellcrank.simulation.joint_contacts import shared_rest
+        from bellcrank.simulation.joint_contacts import shared_rest, simultaneous_impacts
         from bellcrank.simulation.reached import reached_notes
         from bellcrank.simulation.scene_notes import scene_notes
 
-        return ranked((*reached_notes(self), *shared_rest(self), *scene_notes(self.scene, self.settings.duration)))
+        own = (*reached_notes(self), *shared_rest(self), *simultaneous_impacts(self))
+        return ranked((*own, *scene_notes(self.scene, self.settings.duration)))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -59,6 +59,22 @@ class Events {
     for (int i = 1; i <= samples && !seen; ++i) seen = sign(g(i, e));
     return seen;
   }
+  // The share of the last step at which a function that was zero before it, and is first seen on a side, comes to that
+  // side from the other one; 0 where it left zero for that side at once.
+  double comes_back(int e, int seen) {
+    double bad = 0, good = 0;
+    for (int i = 1; i <= samples && !bad; ++i)
+      if (sign(g(i, e)) == seen) bad = at(i);
+    for (double s = bad / 4; s > closest && !good; s /= 4)
+      if (sign(along(e, s)) == -seen) good = s;
+      else bad = s;
+    if (!good) return 0;
+    for (int k = 0; k < 50; ++k) {
+      const double middle = 0.5 * (good + bad);
+      (sign(along(e, middle)) == -seen ? good : bad) = middle;
+    }
+    return bad;
+  }
   double value(int e) const { return g_[samples * count_ + e]; }  // at the end of the last step
   void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 
@@ -87,6 +103,7 @@ class Events {
     std::size_t state;
   };
 
+  static constexpr double closest = 1e-7;  // of a step: nearer to its start a function that was zero is not looked at
   static constexpr int deepest = 6;  // levels of intervals within intervals: down to 1e-6 of a step
   static constexpr std::int64_t most_evaluations = 200000, few_evaluations = 2000;
   static constexpr int patience = 50;  // unresolved steps of an event after which few_evaluations are spent on it

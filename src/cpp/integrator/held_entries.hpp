@@ -62,7 +62,10 @@ class Held {
     turn_ = found == Found::terminal ? changes_.end_event() : -1;
     end_ = found == Found::terminal ? changes_.end_time() : stepper.t_old;
     for (int e = 0; e < count_; ++e)  // one that left zero for the other side, before any crossing
-      if (before_[e].sign == 0 && changes_.leaves(e) * side(e) < 0) turn_ = e, end_ = stepper.t_old;
+      if (before_[e].sign == 0 && changes_.leaves(e) * side(e) < 0) {
+        const double end = stepper.t_old + (stepper.t - stepper.t_old) * changes_.comes_back(e, side(e) < 0 ? 1 : -1);
+        if (end < end_ || turn_ < 0 || end == stepper.t_old) turn_ = e, end_ = end;
+      }
     for (int e = 0; e < count_ && turn_ < 0; ++e)
       if (changes_.memory(e).sign * side(e) < 0) turn_ = e;
     if (turn_ < 0) return true;
