@@ -1,8 +1,8 @@
 """Random scenes with dry friction, rigid stops and brakes, against the enumeration of modes and dense impacts.
 
-Even seeds are chains of 1 to 5 joints, most with dry friction: rows against the enumeration of all modes, by dense solves.
-Odd seeds are arms of 2 to 4 joints with stops, some with friction and brakes that come and go: energy never rises, no
-stop is penetrated, stops only push, and the first impact is that of a dense solution.
+Even seeds are chains of 1 to 5 joints, most with dry friction: rows against the enumeration of all modes, by dense
+solves. Odd seeds are arms of 2 to 4 joints with stops, some with friction and brakes that come and go: energy never
+rises, no stop is penetrated, stops only push, and the first impact is that of a dense solution.
 
 python -m tests.campaigns.hybrid_scenes --cases 10000 --seed 1
 """

@@ -114,6 +114,51 @@ def test_the_torque_of_a_drive_stays_within_the_region_of_the_judge(tmp_path: Pa
     assert column(run, "command over limit [1]").min() > 1.0
 
 
+PHASES = {"maker": "a", "model": "s", "torque_constant": 0.3, "torque_constant_basis": "phase_rms", "resistance": 1.2,
+          "inductance": 6e-3, "pole_pairs": 4, "rotor_inertia": J, "nominal_voltage": 48.0,
+          "peak_current": 10.0}  # fmt: skip
+
+
+@pytest.mark.parametrize("load", [0.0, 0.8, -0.8])
+@pytest.mark.parametrize("speed", [20.0, 120.0, 260.0])
+def test_a_synchronous_motor_comes_to_the_voltage_circles_steady_state(
+    tmp_path: Path, speed: float, load: float
+) -> None:
+    # ω L i_q and ω (L i_d + ψ) within the circle: by hand, phase figures and amplitudes
+    r, el, pairs = 0.6, 3e-3, 4
+    torque_constant = 0.3 / math.sqrt(2.0)
+    flux = torque_constant / (1.5 * pairs)
+    servo = {"motion": "turn", "position": {"kp": 20}, "speed": {"kp": 0.05, "ti": 0.05},
+             "current": {"kp": 6.0, "ki": 1200.0}}  # fmt: skip
+    motion = {"turn": {"kind": "csv", "file": "turn.csv"}}
+    time = np.linspace(0.0, 2.0, 401)
+    ramp = np.minimum(time, 1.0)
+    places = speed / N * (np.where(time < 1.0, 0.5 * ramp**2, 0.5 + (time - 1.0)))
+    (tmp_path / "turn.csv").write_text(
+        "time [s],axis position [rad],axis velocity [rad/s]\n"
+        + "".join(
+            f"{t!r},{q!r},{speed / N * r!r}\n"
+            for t, q, r in zip(time.tolist(), places.tolist(), ramp.tolist(), strict=True)
+        )
+    )
+    path = scene(
+        tmp_path, {"motor": PHASES, "model": "dq", "servo": servo}, motions=motion,
+        forces=[{"kind": "joint_force", "joint": "axis", "value": -load * N}], simulate={"duration": 2.0, "rtol": 1e-9},
+    )  # fmt: skip
+    run = bc.simulate(path)
+    across, along = run.auxiliary[-1, :2]
+    assert N * run.velocity[-1, 0] == pytest.approx(speed, rel=1e-6)
+    assert across == pytest.approx(load / torque_constant, rel=1e-6, abs=1e-6)
+    spin, most = pairs * speed, 48.0 / math.sqrt(3.0)
+    room = ((0.95 * most - r * abs(across)) / spin) ** 2 - (el * across) ** 2
+    weakened = min(0.0, (math.sqrt(room) - flux) / el)
+    assert along == pytest.approx(weakened, rel=1e-6, abs=1e-6)
+    u_q = r * across + spin * (el * along + flux)
+    u_d = r * along - spin * el * across
+    assert column(run, "voltage [V]")[-1] == pytest.approx(math.hypot(u_d, u_q), rel=1e-6)
+    assert math.hypot(u_d, u_q) <= most * (1 + 1e-9)
+
+
 # ---- gears
 
 
@@ -298,11 +343,12 @@ def test_margins_of_a_continuous_loop_are_those_of_its_frequency_response(tmp_pa
     assert drive.bandwidth == pytest.approx(w[beyond], rel=1e-4)
 
 
-@pytest.mark.parametrize("model", ["torque", "dc"])
+@pytest.mark.parametrize("model", ["torque", "dc", "dq"])
 @pytest.mark.parametrize("elastic", [True, False])
 def test_gains_that_are_found_have_the_margins_that_are_promised(tmp_path: Path, model: str, elastic: bool) -> None:
     servo = {"target": 0.01, "gains": "auto", "sample_time": 5e-4, "delay": 2e-4}
-    drive = {"model": model, "servo": servo} | ({"elastic": {"stiffness": C, "damping": D}} if elastic else {})
+    drive = {"model": model, "servo": servo, "motor": PHASES if model == "dq" else MOTOR}
+    drive |= {"elastic": {"stiffness": C, "damping": D}} if elastic else {}
     path = scene(tmp_path, drive, gravity=[0, 0, -G], simulate={"duration": 1.0})
     found = bc.linearise(path).drives[0]
     assert found.stable and found.gain_margin is not None and found.phase_margin is not None

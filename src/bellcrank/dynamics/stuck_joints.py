@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 STARTED = 1e-9  # rad/s or m/s: a joint of this speed has a direction of motion
+TINY = 1e-300  # N m or N, in place of no friction
 FAR = 1e300  # rad or m: an end that is not there
 
 
@@ -182,8 +183,14 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
 
     def lasts(x: casadi.SX) -> casadi.SX:
         share = x / most if part.rotor is None else casadi.if_else(x > 0.0, x / most, x / least)
+        if part.engaged is not None:
+            share = x / casadi.fmax(most, TINY)
         begins = (1.0 - direction * direction) * (STARTED * STARTED - velocity * velocity)
-        return moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
+        found = moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
+        if part.engaged is None:
+            return found
+        free = 2.0 * moves * (1.0 - direction * direction) - 1.0  # a released brake: neither stuck nor sliding
+        return casadi.if_else(most > 0.0, found, free)
 
     return _Part(least, most, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
 

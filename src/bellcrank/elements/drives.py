@@ -12,6 +12,15 @@ peak torque and current, voltage and largest speed. `model: dc` is the DC equiva
 
     L di/dt = U − R i − k_e ω,    T = k_t i,    |U| at most the bus voltage.
 
+`model: dq` is a synchronous motor in rotor coordinates (amplitudes of phase quantities, star connection, no saliency),
+with R and L half of the figures between terminals, n pole pairs, and the flux ψ = 2 k_t/(3 n) of its magnets:
+
+    L di_d/dt = u_d − R i_d + n ω L i_q,    L di_q/dt = u_q − R i_q − n ω (L i_d + ψ),    T = k_t i_q,
+    √(u_d² + u_q²) at most the bus voltage over √3.
+
+Where the voltage does not suffice its servo weakens the field (servos.py). Source: D. Schröder, Elektrische Antriebe –
+Regelung von Antriebssystemen (2015), ch. 16.
+
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
 Losses of an elastic gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1)
@@ -24,10 +33,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import DRIVE_KEYS
+from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
@@ -59,8 +69,9 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
 
-MODELS: Final = ("torque", "dc")
+MODELS: Final = ("torque", "dc", "dq")
 LOSS: Final = ("coulomb", "static", "speed", "viscous")
+PER_AMPLITUDE: Final = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis
 LOCKED: Final = 1.01  # of the load: what a self-locking gear holds at least, so that rounding does not set it free
 LEAST_FRICTION: Final = 1e-12  # N m, so that a gear without load and friction still has a limit to compare with
 Numbers = Mapping[str, float]
@@ -71,12 +82,13 @@ class Drive(Controller):
     """The drive of one joint.
 
     Attributes:
-        model: "torque" or "dc".
+        model: "torque", "dc" or "dq".
         gear: Its ratio; with an elastic gear also the inertia J at the rotor, stiffness c, damping d, backlash b,
             efficiency and back_efficiency.
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
-        circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage;
+        circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage; of
+            `dq` those of a phase with pole_pairs, the largest voltage of a phase and the peak_current, amplitudes;
             of `torque` the limits |a T + b ω| ≤ 1: a0, b0, a1, b1, …
         curve: Of `torque` the printed curve of short-time operation: speed, rad/s, and torque, N m.
         servo: The cascade of controllers; None: `command` gives torque or voltage.
@@ -108,8 +120,8 @@ class Drive(Controller):
         """All numbers but the limits of `torque`; of an elastic gear also its stiffness and damping."""
         joint, found = self.joint, dict[str, Settable]()
         units = {"resistance": "ohm", "inductance": "H", "torque_constant": "N m/A", "voltage_constant": "V s/rad"}
-        if self.model == "dc":
-            found |= {f"circuit.{key}": Settable(unit, POSITIVE) for key, unit in units.items()}
+        if self.model != "torque":
+            found |= {f"circuit.{key}": Settable(unit, POSITIVE) for key, unit in units.items() if key in self.circuit}
         if self.is_elastic:
             found["gear.stiffness"] = Settable(joint_unit(joint, "stiffness"), POSITIVE)
             found["gear.damping"] = Settable(joint_unit(joint, "damping"), NONNEGATIVE)
@@ -224,7 +236,7 @@ class Drive(Controller):
     def auxiliary(self) -> AuxiliaryStates | None:
         """Rotor, current and the integrators of the servo."""
         labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
-        labels += ["current [A]"] if self.model == "dc" else []
+        labels += {"dc": ["current [A]"], "dq": ["q current [A]", "d current [A]"]}.get(self.model, [])
         labels += [] if self.servo is None else self.servo.states
         return AuxiliaryStates(self.name, tuple(labels)) if labels else None
 
@@ -282,25 +294,49 @@ class Drive(Controller):
     def torque(self, symbols: Symbols) -> casadi.SX:
         """The electrical torque T, N m."""
         if self.model == "torque":
-            torque = self.within_limits(symbols, self.commanded(symbols))
+            torque = self.within_limits(symbols, self.commanded(symbols)[0])
         else:
             torque = self.value(symbols, "circuit.torque_constant") * self.current(symbols)
         return torque if symbols.additions is None else torque + symbols.additions.torque[self.name]
 
-    def voltage(self, symbols: Symbols) -> casadi.SX:
-        """The voltage of a dc model, V."""
+    def voltages(self, symbols: Symbols) -> list[casadi.SX]:
+        """The voltage of a dc model, or of q and d, V."""
         return self.within_voltage(self.commanded(symbols))
 
-    def current(self, symbols: Symbols) -> casadi.SX:
-        """The current of a dc model, A."""
-        return self._states(symbols)[2 * self.is_elastic]
+    def currents(self, symbols: Symbols) -> list[casadi.SX]:
+        """The current of a dc model, or of q and d, A."""
+        first = 2 * self.is_elastic
+        return self._states(symbols)[first : first + (2 if self.model == "dq" else 1)]
 
-    def within_voltage(self, voltage: casadi.SX) -> casadi.SX:
-        """A voltage within that of the bus, V."""
+    def current(self, symbols: Symbols) -> casadi.SX:
+        """The current that gives the torque, A."""
+        return self.currents(symbols)[0]
+
+    def within_voltage(self, voltages: list[casadi.SX]) -> list[casadi.SX]:
+        """Voltages within the limit of the bus, V: those of q and d keep their ratio."""
         import casadi
 
         bus = self.circuit.get("voltage")
-        return voltage if bus is None else casadi.fmax(casadi.fmin(voltage, bus), -bus)
+        if bus is None:
+            return voltages
+        if len(voltages) == 1:
+            return [casadi.fmax(casadi.fmin(voltages[0], bus), -bus)]
+        share = bus / casadi.sqrt(casadi.fmax(voltages[0] ** 2 + voltages[1] ** 2, bus * bus))
+        return [share * voltage for voltage in voltages]
+
+    def electrical_speed(self, symbols: Symbols) -> casadi.SX:
+        """n ω of a dq model, rad/s."""
+        return self.circuit["pole_pairs"] * self.rotor(symbols)[1]
+
+    def flux(self, symbols: Symbols) -> casadi.SX | float:
+        """ψ of a dq model, V s."""
+        return self.value(symbols, "circuit.torque_constant") / (1.5 * self.circuit["pole_pairs"])
+
+    def induced_voltages(self, symbols: Symbols) -> list[casadi.SX]:
+        """What the rotation induces in q and d, V."""
+        (across, along), spin = self.currents(symbols), self.electrical_speed(symbols)
+        inductance = self.value(symbols, "circuit.inductance")
+        return [spin * (inductance * along + self.flux(symbols)), -spin * inductance * across]
 
     def within_limits(self, symbols: Symbols, torque: casadi.SX) -> casadi.SX:
         """A torque (N m) within the limits of the motor at the rotor's speed."""
@@ -328,9 +364,10 @@ class Drive(Controller):
         """The command over its limit: of torque the largest |a T + b ω|, else the voltage over that of the bus."""
         import casadi
 
-        command, (_, speed) = self.commanded(symbols), self.rotor(symbols)
-        if self.model == "dc":
-            return casadi.fabs(command) / self.circuit["voltage"]
+        commands, (_, speed) = self.commanded(symbols), self.rotor(symbols)
+        if self.model != "torque":
+            return casadi.sqrt(sum(u * u for u in commands)) / self.circuit["voltage"]
+        command = commands[0]
         most = symbols.zero
         for k in range(len(self.circuit) // 2):
             most = casadi.fmax(most, casadi.fabs(self.circuit[f"a{k}"] * command + self.circuit[f"b{k}"] * speed))
@@ -338,11 +375,11 @@ class Drive(Controller):
             most = casadi.fmax(most, casadi.fabs(command) / self._on_curve(casadi.fabs(speed)))
         return most
 
-    def commanded(self, symbols: Symbols) -> casadi.SX:
-        """The command: of `torque` in N m, of `dc` in V, before limits."""
+    def commanded(self, symbols: Symbols) -> list[casadi.SX]:
+        """The command: of `torque` in N m, of `dc` in V, of `dq` those of q and d, before limits."""
         if self.servo is None:
             assert self.command is not None
-            return self.command.value(symbols, None, symbols.sides(self))
+            return [self.command.value(symbols, None, symbols.sides(self))]
         return self.servo.command(self, symbols)
 
     # ---- equations
@@ -378,11 +415,17 @@ class Drive(Controller):
                 speed,
                 (self.torque(symbols) - load + self._friction_torque(symbols)) / self.value(symbols, "gear.inertia"),
             ]
-        if self.model == "dc":
-            resistance, inductance, constant = (
-                self.value(symbols, f"circuit.{key}") for key in ("resistance", "inductance", "voltage_constant")
-            )
-            rates.append((self.voltage(symbols) - resistance * self.current(symbols) - constant * speed) / inductance)
+        if self.model != "torque":
+            resistance, inductance = (self.value(symbols, f"circuit.{key}") for key in ("resistance", "inductance"))
+            voltages, currents = self.voltages(symbols), self.currents(symbols)
+            if self.model == "dc":
+                induced = [self.value(symbols, "circuit.voltage_constant") * speed]
+            else:
+                induced = self.induced_voltages(symbols)
+            rates += [
+                (voltage - resistance * current - back) / inductance
+                for voltage, current, back in zip(voltages, currents, induced, strict=True)
+            ]
         if self.servo is not None:
             rates += self.servo.rates(self, symbols)
         return casadi.vertcat(*rates)
@@ -398,8 +441,9 @@ class Drive(Controller):
         if self.is_elastic:
             gap = 0.5 * self.gear["backlash"] * casadi.sign(load)
             found += [ratio * (position + load / self.value(symbols, "gear.stiffness") + gap), speed]
-        if self.model == "dc":
+        if self.model != "torque":
             found.append(torque / self.value(symbols, "circuit.torque_constant"))
+            found += [symbols.zero] if self.model == "dq" else []
         if self.servo is not None:
             found += self.servo.start(self, symbols, casadi.SX(torque))
         return casadi.vertcat(*found)
@@ -412,8 +456,9 @@ class Drive(Controller):
         found = ["motor torque [N m]", "rotor velocity [rad/s]", f"gear output [{unit}]"]
         if self.is_elastic:
             found.append(f"twist [{joint_unit(self.joint, 'position')}]")
-        if self.model == "dc":
+        if self.model != "torque":
             found += ["current [A]", "voltage [V]"]
+            found += ["d current [A]"] if self.model == "dq" else []
         if self._is_limited:
             found.append("command over limit [1]")
         if self.servo is not None:
@@ -434,7 +479,11 @@ class Drive(Controller):
         if self.is_elastic:
             found.append(angle / self.gear["ratio"] - position)
         if self.model == "dc":
-            found += [self.current(symbols), self.voltage(symbols)]
+            found += [*self.currents(symbols), *self.voltages(symbols)]
+        elif self.model == "dq":
+            for values in (self.currents(symbols), self.voltages(symbols)):
+                found.append(casadi.sqrt(values[0] ** 2 + values[1] ** 2))
+            found.append(self.currents(symbols)[1])
         if self._is_limited:
             found.append(self._command_over_limit(symbols))
         if self.servo is not None:
@@ -542,30 +591,53 @@ def _drive(entry: Fields, joint: RobotJoint, actuator: Actuator, context: Contro
     conditions = actuator.judged_under
     numbers = _gear_numbers(entry, joint, motor, gear)
     loss, law = _friction_numbers(entry, motor)
-    if model == "dc":
-        bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
-        hot = float(resistance_factor(conditions.winding_temperature))
-        resistance = _stated(entry, "motor.resistance", motor.resistance) * hot
-        circuit = {
-            "resistance": resistance,
-            "inductance": _stated(entry, "motor.inductance", motor.inductance),
-            "torque_constant": _stated(entry, "motor.torque_constant", motor.dc_torque_constant),
-            "voltage_constant": _stated(entry, "motor.torque_constant", motor.dc_voltage_constant),
-        } | ({} if bus is None else {"voltage": bus})
-        if motor.peak_electrical_torque is not None:
-            circuit["peak_torque"] = motor.peak_electrical_torque
-    else:
-        circuit = _torque_limits(motor, conditions)
+    circuit = _torque_limits(motor, conditions) if model == "torque" else _circuit(entry, model, motor, conditions)
     curve = tuple(motor.peak_curve or ()) if model == "torque" else ()
     servo, command = read_servo(entry, joint, model, context)
     name = f"drive_{joint.name}"
     return Drive(name, entry, (joint,), None, model, numbers, loss, law, circuit, curve, servo, command)
 
 
-def _stated(entry: Fields, key: str, value: float | None) -> float:
-    if value is None:
-        raise entry.error("model", f"model: dc requires '{key}', which is not stated; state it, or assume it")
-    return value
+def _circuit(entry: Fields, model: str, motor: Motor, conditions: Conditions) -> dict[str, float]:
+    """The figures of the windings and of the supply."""
+
+    def stated(key: str, value: float | None) -> float:
+        if value is None:
+            raise entry.error(
+                "model", f"model: {model} requires 'motor.{key}', which is not stated; state or assume it"
+            )
+        return value
+
+    bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
+    hot = float(resistance_factor(conditions.winding_temperature))
+    resistance = stated("resistance", motor.resistance) * hot
+    inductance = stated("inductance", motor.inductance)
+    if model == "dc":
+        found = {
+            "resistance": resistance,
+            "inductance": inductance,
+            "torque_constant": stated("torque_constant", motor.dc_torque_constant),
+            "voltage_constant": stated("torque_constant", motor.dc_voltage_constant),
+        } | ({} if bus is None else {"voltage": bus})
+        return found | ({} if motor.peak_electrical_torque is None else {"peak_torque": motor.peak_electrical_torque})
+    if motor.torque_constant_basis not in PER_AMPLITUDE:
+        raise entry.error(
+            "model",
+            "model: dq requires a torque constant per phase current: torque_constant_basis phase_rms or phase_peak",
+        )
+    share = PER_AMPLITUDE[motor.torque_constant_basis]
+    constant = stated("torque_constant", motor.torque_constant) * share
+    inside = motor.ratio or 1.0 if motor.kind == "actuator" else 1.0
+    found = {
+        "resistance": 0.5 * resistance,
+        "inductance": 0.5 * inductance,
+        "torque_constant": constant,
+        "pole_pairs": stated("pole_pairs", motor.pole_pairs) * inside,
+    } | ({} if bus is None else {"voltage": bus / math.sqrt(3.0)})
+    if motor.peak_current is not None:
+        most = motor.peak_current / share
+        found |= {"peak_current": most, "peak_torque": constant * most}
+    return found
 
 
 def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) -> dict[str, float]:
@@ -626,7 +698,7 @@ def _friction_numbers(entry: Fields, motor: Motor) -> tuple[dict[str, float], st
     return found, law
 
 
-def _torque_limits(motor: Motor, conditions: Any) -> dict[str, float]:
+def _torque_limits(motor: Motor, conditions: Conditions) -> dict[str, float]:
     """a and b of each known limit |a T + b ω| ≤ 1 that bounds the torque."""
     found = dict[str, float]()
     for limit in short_time_limits(MotorArrays.of((motor,)), conditions):

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 LAWS: Final = ("exponential", "hyperbolic")
 KEY: Final = "dry_friction"
 BRAKE: Final = "brake"
-LEAST: Final = 1e-12  # N m or N
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,8 @@ class DryFriction(JointForce):
     @property
     def mode(self) -> HeldSource:
         """The entries of u that hold the mode during a run: the direction d of motion, against which the force acts;
-        whether the joint moves; and whether its force is what keeps it at rest (1 or 0).
+        whether the joint moves; and whether its force is what keeps it at rest (1 or 0). Where a brake without other
+        friction is released it moves and d is 0.
 
         In a closed linkage that other joints hold, a joint may be at rest with its largest force (d is 1 or −1) or
         with none (d is 0). The last entry is by how much (x / limit)² may exceed 1: more than 0, up to 1e-6, only
@@ -119,11 +119,7 @@ class DryFriction(JointForce):
 
     def limits(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
         """The least and the largest force at rest, N m or N."""
-        import casadi
-
         limit = self.limit(symbols)
-        if self.engaged is not None:  # a released brake still has a limit to compare with
-            limit = casadi.fmax(limit, LEAST)
         return -limit, limit
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:

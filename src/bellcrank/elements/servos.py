@@ -4,7 +4,7 @@ With the rotor's angle φ and speed ω, the ratio N, and a reference q_r with it
 
     ω_r = N (k_p (q_r − position) + f_v q̇_r)          position: kp (1/s); `feedforward.speed` f_v
     T_r = kp (ω_r − ω) + s + f_T T_m,   ṡ = kp/ti (ω_r − ω)          speed: kp (N m s/rad), ti (s)
-    U   = kp (T_r/k_t − i) + w,         ẇ = ki (T_r/k_t − i)          current: kp (V/A), ki (V/(A s)); model dc
+    U   = kp (T_r/k_t − i) + w,         ẇ = ki (T_r/k_t − i)          current: kp (V/A), ki (V/(A s)); models dc and dq
 
 where `position` is that of the rotor, φ/N, or of the joint (`encoder: load`), and T_m the torque that the robot's
 inverse dynamics asks along the motion (`feedforward.torque`). At a limit of torque or voltage the integrators are led
@@ -47,7 +47,15 @@ BEGINNINGS: Final[Mapping[str, list[str]]] = {
     "speed": ["speed integrator at the start [N m]", "encoder before the start [rad]", "torque at the start [N m]"],
     "current": ["current integrator at the start [V]", "voltage at the start [V]"],
 }
+CONTINUOUS: Final = ["q current integrator [V]", "d current integrator [V]"]
+OF_TWO_AXES: Final = ["q current integrator at the start [V]", "d current integrator at the start [V]",
+                      "q voltage at the start [V]", "d voltage at the start [V]"]  # fmt: skip
 COMMANDS: Final = {"torque": ("torque", "N m"), "dc": ("voltage", "V")}  # by model
+WEAKENING: Final = (
+    0.95  # of the largest voltage: where a field is weakened, the rest is left to the current controllers
+)
+LEAST_SHARE: Final = 0.1  # of the largest voltage, that is left for what the rotation induces at any current
+LEAST_SPEED: Final = 1e-9  # rad/s, below which the induced voltage is not looked at
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,7 @@ class Servo:
         resolution: Of the encoder, rad at the rotor; 0: it is exact.
         clock: That of the start of the simulation, s.
         holds: What the sampled loops held at the end of the run that is continued.
+        axes: Of the current: 2 of model dq, else 1.
         gains: "given", "auto" where they are to be found (simulation/drive_gains.py), or "found".
     """
 
@@ -85,6 +94,7 @@ class Servo:
     clock: float
     holds: tuple[float, ...]
     gains: str
+    axes: int
 
     @property
     def settable(self) -> dict[str, Settable]:
@@ -118,12 +128,22 @@ class Servo:
         found: list[str] = []
         for loop in LOOPS:
             if loop in self.samples:
-                found += BEGINNINGS[loop]
+                found += self._beginnings(loop)
             elif loop == "speed" and "ti" in self.speed:
                 found.append("speed integrator [N m]")
             elif loop == "current" and self.current:
-                found.append("current integrator [V]")
+                found += ["current integrator [V]"] if self.axes == 1 else CONTINUOUS
         return found
+
+    def _beginnings(self, loop: str) -> list[str]:
+        return OF_TWO_AXES if loop == "current" and self.axes == 2 else BEGINNINGS[loop]
+
+    def _width(self, loop: str) -> int:
+        """How many outputs a loop has."""
+        return self.axes if loop == "current" else 1
+
+    def _integrators(self, loop: str) -> int:
+        return self._width(loop) if self._integrates(loop) else 0
 
     def _states(self, drive: Drive, symbols: Symbols) -> dict[str, list[casadi.SX]]:
         """These states by loop."""
@@ -135,7 +155,7 @@ class Servo:
             return found
         values = casadi.vertsplit(symbols.auxiliary(own))[own.size - len(self.states) :]
         for loop in LOOPS:
-            count = len(BEGINNINGS[loop]) if loop in self.samples else int(self._integrates(loop))
+            count = len(self._beginnings(loop)) if loop in self.samples else self._integrators(loop)
             found[loop], values = values[:count], values[count:]
         return found
 
@@ -154,7 +174,7 @@ class Servo:
         return [
             loop in self.samples
             for loop in LOOPS
-            for _ in range(len(BEGINNINGS[loop]) if loop in self.samples else int(self._integrates(loop)))
+            for _ in range(len(self._beginnings(loop)) if loop in self.samples else self._integrators(loop))
         ]
 
     # ---- samples
@@ -181,7 +201,8 @@ class Servo:
         The output of the innermost one follows a queue of those that wait, newest first.
         """
         return {
-            loop: len(BEGINNINGS[loop]) + (self._waiting + 1 if loop == self._innermost else 0)
+            loop: len(self._beginnings(loop))
+            + (self._waiting + 1 if loop == self._innermost else 0) * self._width(loop)
             for loop in LOOPS
             if loop in self.samples
         }
@@ -202,7 +223,8 @@ class Servo:
         begun = self._states(drive, symbols)
         for loop, size in self._sizes().items():
             found[loop] = [
-                value + start for value, start in zip(values[:size], _spread(begun[loop], size), strict=True)
+                value + start
+                for value, start in zip(values[:size], _spread(begun[loop], size, self._width(loop)), strict=True)
             ]
             values = values[size:]
         return found
@@ -230,24 +252,28 @@ class Servo:
             values[:] = output[loop](drive, symbols, values)
         applied = self._innermost if self.samples else ""
         if applied and (instant == len(loops) or (instant == loops.index(applied) and not self._rest > 0.0)):
-            held[applied][-1] = held[applied][-2]  # the oldest of those that wait
+            values, width = held[applied], self._width(applied)
+            values[-width:] = values[-2 * width : -width]  # the oldest of those that wait
         begun = self._states(drive, symbols)
         return casadi.vertcat(
             *[
                 value - start
                 for loop, values in held.items()
-                for value, start in zip(values, _spread(begun[loop], len(values)), strict=True)
+                for value, start in zip(values, _spread(begun[loop], len(values), self._width(loop)), strict=True)
             ]
         )
 
-    def _queued(self, loop: str, values: list[casadi.SX], first: list[casadi.SX], output: casadi.SX) -> list[casadi.SX]:
-        """The values of a loop with a new output: applied at once, or last in the queue of those that wait."""
+    def _queued(
+        self, loop: str, values: list[casadi.SX], first: list[casadi.SX], outputs: list[casadi.SX]
+    ) -> list[casadi.SX]:
+        """The values of a loop with new outputs: applied at once, or last in the queue of those that wait."""
         if loop != self._innermost:
-            return [*first, output]
-        return [*first, output, *values[len(first) : -2], values[-1]]
+            return [*first, *outputs]
+        width = len(outputs)
+        return [*first, *outputs, *values[len(first) : -2 * width], *values[-width:]]
 
     def _sample_position(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
-        return self._queued("position", values, [], self._speed_asked(drive, symbols))
+        return self._queued("position", values, [], [self._speed_asked(drive, symbols)])
 
     def _sample_speed(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
         measured = self._angle(drive, symbols, drive.rotor(symbols)[0])
@@ -257,21 +283,38 @@ class Servo:
         if "ti" in self.speed:
             kp, ti = (drive.value(symbols, f"servo.speed.{key}") for key in ("kp", "ti"))
             integrator += self.samples["speed"] / ti * (kp * error + torque - asked)
-        return self._queued("speed", values, [integrator, measured], torque)
+        return self._queued("speed", values, [integrator, measured], [torque])
 
     def _sample_current(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> list[casadi.SX]:
-        error = self._current_error(drive, symbols)
-        command = drive.value(symbols, "servo.current.kp") * error + values[0]
-        voltage = drive.within_voltage(command)
-        integrator = self._led_back(drive, symbols, values[0], error, voltage - command)
-        return self._queued("current", values, [integrator], voltage)
+        integrators = values[: self.axes]
+        errors = self._current_errors(drive, symbols)
+        commands = self._voltages(drive, symbols, errors, integrators)
+        voltages = drive.within_voltage(commands)
+        rates = self._current_rates(drive, symbols, errors, commands, voltages)
+        period = self.samples["current"]
+        return self._queued(
+            "current", values, [w + period * rate for w, rate in zip(integrators, rates, strict=True)], voltages
+        )
 
-    def _led_back(
-        self, drive: Drive, symbols: Symbols, integrator: casadi.SX, error: casadi.SX, excess: casadi.SX
-    ) -> casadi.SX:
+    def _current_rates(
+        self, drive: Drive, symbols: Symbols, errors: list[casadi.SX], commands: list[casadi.SX],
+        voltages: list[casadi.SX],
+    ) -> list[casadi.SX]:  # fmt: skip
+        """The rates of the integrators, led back as fast as the winding's current follows the voltage."""
         ki = drive.value(symbols, "servo.current.ki")
         back = drive.value(symbols, "circuit.resistance") / drive.value(symbols, "circuit.inductance")
-        return integrator + self.samples["current"] * (ki * error + back * excess)
+        return [
+            ki * error + back * (voltage - command)
+            for error, command, voltage in zip(errors, commands, voltages, strict=True)
+        ]
+
+    def _voltages(
+        self, drive: Drive, symbols: Symbols, errors: list[casadi.SX], integrators: list[casadi.SX]
+    ) -> list[casadi.SX]:
+        """What the current controllers ask: of two axes with the voltages that the rotation induces."""
+        kp = drive.value(symbols, "servo.current.kp")
+        induced = drive.induced_voltages(symbols) if self.axes == 2 else [symbols.zero]
+        return [kp * e + w + u for e, w, u in zip(errors, integrators, induced, strict=True)]
 
     def _measured_speed(self, drive: Drive, symbols: Symbols, values: list[casadi.SX]) -> casadi.SX:
         """ω, or the difference of the encoder's positions over a sample time."""
@@ -355,20 +398,52 @@ class Servo:
             return factor * self._held(drive, symbols)["speed"][-1]
         return factor * self._torques(drive, symbols, self._speed_error(drive, symbols))[1]
 
-    def _current_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
-        torque = self.torque_reference(drive, symbols)
-        return torque / drive.value(symbols, "circuit.torque_constant") - drive.current(symbols)
+    def _current_errors(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
+        wanted = self.torque_reference(drive, symbols) / drive.value(symbols, "circuit.torque_constant")
+        if self.axes == 1:
+            return [wanted - drive.current(symbols)]
+        return [
+            each - now
+            for each, now in zip(self._two_currents(drive, symbols, wanted), drive.currents(symbols), strict=True)
+        ]
 
-    def command(self, drive: Drive, symbols: Symbols) -> casadi.SX:
-        """The torque (N m), or the voltage (V) of model dc, before its limits where it is not sampled."""
+    def _two_currents(self, drive: Drive, symbols: Symbols, wanted: casadi.SX) -> list[casadi.SX]:
+        """The currents i_q and i_d of a wanted i_q: with i_d < 0 where the voltage does not suffice, within the limits.
+
+        (ω L i_q)² + (ω (L i_d + ψ))² = (U − R |i_q|)² at the electrical speed ω, U being a share of the largest one.
+        """
+        import casadi
+
+        circuit, inductance, flux = drive.circuit, drive.value(symbols, "circuit.inductance"), drive.flux(symbols)
+        most, bus = circuit.get("peak_current"), circuit.get("voltage")
+        if most is not None:
+            wanted = casadi.fmax(casadi.fmin(wanted, most), -most)
+        if bus is None:
+            return [wanted, symbols.zero]
+        speed = casadi.fmax(casadi.fabs(drive.electrical_speed(symbols)), LEAST_SPEED)
+        drop = drive.value(symbols, "circuit.resistance") * casadi.fabs(wanted)
+        circle = (casadi.fmax(WEAKENING * bus - drop, LEAST_SHARE * bus) / speed) ** 2  # of the flux linkage
+        least = 1e-12 * flux * flux
+        along = casadi.fmin(
+            0.0, (casadi.sqrt(casadi.fmax(circle - (inductance * wanted) ** 2, least)) - flux) / inductance
+        )
+        if most is not None:
+            along = casadi.fmax(along, -most)
+            room = casadi.sqrt(casadi.fmax(most * most - along * along, 1e-12 * most * most))
+            wanted = casadi.fmax(casadi.fmin(wanted, room), -room)
+        left = casadi.sqrt(casadi.fmax(circle - (inductance * along + flux) ** 2, least)) / inductance
+        return [casadi.fmax(casadi.fmin(wanted, left), -left), along]
+
+    def command(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
+        """The torque (N m), or the voltage (V) of model dc, those of q and d of dq, before limits where not sampled."""
         if drive.model == "torque":
             if "speed" in self.samples or symbols.additions is not None:
-                return self.torque_reference(drive, symbols)
-            return self._torques(drive, symbols, self._speed_error(drive, symbols))[0]
+                return [self.torque_reference(drive, symbols)]
+            return [self._torques(drive, symbols, self._speed_error(drive, symbols))[0]]
         if "current" in self.samples:
-            return self._held(drive, symbols)["current"][-1]
-        proportional = drive.value(symbols, "servo.current.kp") * self._current_error(drive, symbols)
-        return proportional + self._integrator(drive, symbols, "current")
+            return self._held(drive, symbols)["current"][-self.axes :]
+        integrators = self._states(drive, symbols)["current"]
+        return self._voltages(drive, symbols, self._current_errors(drive, symbols), integrators)
 
     def rates(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
         """The rates of its states."""
@@ -379,14 +454,11 @@ class Servo:
             kp, ti = (drive.value(symbols, f"servo.speed.{key}") for key in ("kp", "ti"))
             rates["speed"] = [(kp * error + torque - asked) / ti]
         if self.current and "current" not in self.samples:
-            ki = drive.value(symbols, "servo.current.ki")
-            command = self.command(drive, symbols)
-            excess = drive.within_voltage(command) - command
-            # led back as fast as the winding's current follows the voltage
-            back = drive.value(symbols, "circuit.resistance") / drive.value(symbols, "circuit.inductance")
-            rates["current"] = [ki * self._current_error(drive, symbols) + back * excess]
+            errors, commands = self._current_errors(drive, symbols), self.command(drive, symbols)
+            voltages = drive.within_voltage(commands)
+            rates["current"] = self._current_rates(drive, symbols, errors, commands, voltages)
         for loop in self.samples:
-            rates[loop] = [symbols.zero] * len(BEGINNINGS[loop])
+            rates[loop] = [symbols.zero] * len(self._beginnings(loop))
         return [rate for loop in LOOPS for rate in rates.get(loop, [])]
 
     # ---- start
@@ -416,16 +488,24 @@ class Servo:
         elif "ti" in self.speed:
             found.append(speed)
         if self.current:
-            resistance, constant = (drive.value(symbols, f"circuit.{k}") for k in ("resistance", "voltage_constant"))
+            resistance = drive.value(symbols, "circuit.resistance")
             current = torque / drive.value(symbols, "circuit.torque_constant")
-            voltage = resistance * current + constant * turning
-            found += [voltage, voltage] if "current" in self.samples else [voltage]
+            if self.axes == 1:
+                voltages = [resistance * current + drive.value(symbols, "circuit.voltage_constant") * turning]
+                integrators = voltages
+            else:  # what is induced is added to what the controllers ask
+                integrators = [resistance * current, symbols.zero]
+                spin = turning * drive.circuit["pole_pairs"]
+                across = spin * drive.value(symbols, "circuit.inductance") * current
+                voltages = [resistance * current + spin * drive.flux(symbols), -across]
+            found += [*integrators, *voltages] if "current" in self.samples else integrators
         return found
 
 
-def _spread(starts: list[casadi.SX], size: int) -> list[casadi.SX]:
-    """What each value of a loop begins with: all outputs with the last one."""
-    return [*starts, *[starts[-1]] * (size - len(starts))]
+def _spread(starts: list[casadi.SX], size: int, width: int) -> list[casadi.SX]:
+    """What each value of a loop begins with: its outputs, waiting ones included, as the last `width` ones."""
+    first, outputs = starts[:-width], starts[-width:]
+    return [*first, *outputs * ((size - len(first)) // width)]
 
 
 def read_servo(
@@ -433,9 +513,9 @@ def read_servo(
 ) -> tuple[Servo | None, Expression | None]:
     """Read `servo`: a cascade, or a formula of torque or voltage. Raises InputError naming file and key."""
     read = entry.mapping("servo")
-    name, unit = COMMANDS[model]
+    name, unit = COMMANDS.get(model, ("", ""))
     read.known("torque", "voltage")
-    if "torque" in read or "voltage" in read:
+    if name and ("torque" in read or "voltage" in read):
         read.only((name,))
         return None, context.formulas.read(read, name, unit)
     read.only(("motion", "target", *LOOPS, "gains", "feedforward", "encoder", "sample_time", "delay", "resolution"))
@@ -489,12 +569,13 @@ def read_servo(
         clock=context.clock,
         holds=holds,
         gains="auto" if automatic else "given",
+        axes=2 if model == "dq" else 1,
     ), None
 
 
 def _samples(read: Fields, model: str) -> tuple[dict[str, float], float, float]:
     """The sample times of the sampled loops, the delay and the encoder's resolution. Raises InputError."""
-    loops = tuple(loop for loop in LOOPS if model == "dc" or loop != "current")
+    loops = tuple(loop for loop in LOOPS if model != "torque" or loop != "current")
     if isinstance(read.raw("sample_time", None), Mapping):
         each = read.mapping("sample_time")
         each.only(loops)

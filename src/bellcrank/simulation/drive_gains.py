@@ -3,7 +3,7 @@
 With the small time constant T_σ of the innermost loop, half a sample time and the delay, and the inertia J of rotor and
 load at the rotor in the posture at the start,
 
-    current: kp = L/(2 T_σ), ki = R/(2 T_σ)          the absolute optimum
+    current: kp = L/(2 T_σ), ki = R/(2 T_σ)          the absolute optimum; of a phase for model dq
     speed:   kp = J/(2 T), ti = 4 T                  the symmetric optimum with a = 2
     position: kp = 1/(8 T)                           the absolute optimum of an integrator with the lag 4 T
 

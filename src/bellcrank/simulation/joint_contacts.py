@@ -94,9 +94,9 @@ def simultaneous_impacts(run: Trajectory) -> tuple[Note, ...]:
     more = f", and at {len(several) - 1} more instants" if len(several) > 1 else ""
     return (
         Note(
-            f"joints {', '.join(names)} strike their stops at once at {time:.6g} s{more}: impulses and velocities after "
-            "it follow from the law of impact (Newton's, Poisson's where it would raise the energy), not from mechanics "
-            "alone"
+            f"joints {', '.join(names)} strike their stops at once at {time:.6g} s{more}: impulses and velocities "
+            "after it follow from the law of impact (Newton's, Poisson's where it would raise the energy), not from "
+            "mechanics alone"
         ),
     )
 

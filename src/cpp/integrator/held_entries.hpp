@@ -92,6 +92,7 @@ class Held {
 
  private:
   static constexpr double same_instant = 1e-9;  // of its largest speed: a joint that comes to rest with another one
+  static constexpr double started = 1e-9;       // rad/s or m/s: a joint of this speed has a direction of motion
   static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
   static constexpr double least_time = 1e-10;   // of the time: rebounds that would end sooner are not followed
   static constexpr int few_quick = 3, most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
@@ -267,6 +268,14 @@ class Held {
     const int n = h_.mode_count;
     int count = 0;
     for (int j = 0; j < n; ++j) {
+      if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {  // a brake that is released
+        mode(j) = {0, 1, 0, 0}, turned_[h_.switch_count + j] = 1;
+        continue;
+      }
+      if (!is_stop(j) && mode(j).moves && mode(j).direction == 0 && !determined(f, j) && std::fabs(f.velocity[j]) > started) {
+        mode(j) = {1.0 * sign(f.velocity[j]), 1, 0, 0}, turned_[h_.switch_count + j] = 1;  // one that is engaged
+        continue;
+      }
       const bool rests = !mode(j).moves || (j == cause && !hits) || std::fabs(f.velocity[j]) <= same_instant * fastest_[j];
       if (!is_stop(j) && rests && determined(f, j)) {
         const bool starts = mode(j).moves && mode(j).direction == 0;  // it had neither velocity nor acceleration before
