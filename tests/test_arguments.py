@@ -46,6 +46,7 @@ MADE_BY = {
     "Catalogue": "load_catalogue",
     "Selection": "select",
     "DriveVerdicts": "judge",
+    "SelectionVerification": "verify_selection",
     "FastestMotion": "time_optimal",
     "LimitCost": "time_optimal",
     "SpeedFactor": "speed_factor",
@@ -240,6 +241,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     selection = bc.select("geared_pendulum", catalogue=small)
     bc.write_catalogue([motor], [gear], "rows")
     belt = bc.CoupledTransmission(("swing",), ("belt_motor",), ((2.0,),))
+    followed = bc.verify_selection("manutec_axis", settle=0.1)
     chosen, verdicts = bc.Actuator.of(motor, gear), bc.judge(robot, motion, {"shoulder": actuator})
     limits = {"duration": 1.0, "samples": 11, "profile": "quintic", "orientation": None, "speed": None,
               "acceleration": None, "jerk": None, "coordinates": ("x", "y"), "name": "own"}  # fmt: skip
@@ -391,6 +393,10 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "judge": (bc.judge, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
                              "mass_tolerance": 0.1, "conditions": {"voltage": 48.0}, "payloads": [payload],
                              "allow_massless": [], "overrides": None, "trust": []}),
+        "verify_selection": (bc.verify_selection, {"scene": "manutec_axis", "motions": ["turn"], "settle": 0.1,
+                                                   "frame": "load", "limits": {"tool_error": 1.0}, "sample_time": 1e-3,
+                                                   "overrides": None, "trust": [], "progress": print}),
+        **of(followed, table={}, as_dict={}, to_json={"path": "v.json"}),
         **of(verdicts, of={"axis": "shoulder"}, as_dict={}, to_json={"path": "j.json"}),
         **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              limit_uses={"torque": v, "speed": a}, under={"conditions": bc.Conditions(safety_factor=1.5)},

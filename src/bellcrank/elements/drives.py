@@ -459,14 +459,15 @@ class Drive(Controller):
         if self.model != "torque":
             found += ["current [A]", "voltage [V]"]
             found += ["d current [A]"] if self.model == "dq" else []
-        if self._is_limited:
+        if self.is_limited:
             found.append("command over limit [1]")
         if self.servo is not None:
             found.append(f"tracking error [{joint_unit(self.joint, 'position')}]")
         return tuple(found)
 
     @property
-    def _is_limited(self) -> bool:
+    def is_limited(self) -> bool:
+        """Whether a limit of its torque or voltage is known."""
         return bool(self.curve) or any(key in self.circuit for key in ("a0", "voltage"))
 
     def measure(self, symbols: Symbols) -> casadi.SX:
@@ -484,7 +485,7 @@ class Drive(Controller):
             for values in (self.currents(symbols), self.voltages(symbols)):
                 found.append(casadi.sqrt(values[0] ** 2 + values[1] ** 2))
             found.append(self.currents(symbols)[1])
-        if self._is_limited:
+        if self.is_limited:
             found.append(self._command_over_limit(symbols))
         if self.servo is not None:
             found.append(self.servo.wanted(self, symbols)[0] - position)

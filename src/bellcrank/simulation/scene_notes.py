@@ -51,7 +51,7 @@ def scene_notes(scene: Scene, duration: float | None = None) -> tuple[Note, ...]
 
 def file_notes(scene: Scene) -> tuple[Note, ...]:
     """The notes on a scene whatever its start and duration: what its files say and is not modelled, and its motors."""
-    return (*map(Note, (*_coupled_motors(scene), *_all_driven(scene))), *scene.notes)
+    return (*map(Note, (*_coupled_motors(scene), *_all_driven(scene), *_motor_drives(scene))), *scene.notes)
 
 
 def _rows(scene: Scene) -> Iterator[str]:
@@ -82,6 +82,27 @@ def _coupled_motors(scene: Scene) -> Iterator[str]:
             f"the rotors of the motors of coupled transmissions are not included: {', '.join(names)}; controllers act "
             "on the joints"
         )
+
+
+def _motor_drives(scene: Scene) -> Iterator[str]:
+    """What of motors and gears of drives is not simulated, and drives that nothing limits."""
+    for drive in scene.drives:
+        name, (_, gear) = drive.joint.name, scene.config.actuators[drive.joint.name].rows
+        if not drive.is_elastic:
+            stated = [
+                text
+                for text, there in (
+                    ("its losses by load", gear.efficiency is not None and gear.efficiency < 1.0),
+                    ("its stiffness", gear.stiffness is not None),
+                    ("its backlash", bool(gear.backlash)),
+                )
+                if there
+            ]
+            if stated:
+                yield f"drive of '{name}': the gear is rigid, {', '.join(stated)} not simulated; write 'elastic'"
+        if not drive.is_limited:
+            what = "torque" if drive.model == "torque" else "voltage"
+            yield f"drive of '{name}': no limit of its {what} is stated, so that nothing limits it"
 
 
 def _all_driven(scene: Scene) -> Iterator[str]:

@@ -137,7 +137,10 @@ class SelectionVerification(WithNotes):
         return self.table()
 
     def table(self) -> str:
-        """The result as text: a row for each axis and motion, tool errors, dynamics of the drives, and the verdict.
+        """The result as text.
+
+        Returns:
+            A row for each axis and motion, tool errors, the dynamics of the drives, notes, and the verdict.
 
         Example:
             >>> import bellcrank as bc
@@ -157,6 +160,7 @@ class SelectionVerification(WithNotes):
             for one in self.axes
         ]  # fmt: skip
         parts = [f"{self.robot}, drives in the loop", text_table(TableContent(header, rows), (0, 1))]
+        parts.append(f"settled: within {self.band['rad']:g} rad or {self.band['m']:g} m")
         if self.frame:
             errors = ", ".join(f"{error:.4g} m along {motion}" for motion, error in self.tool_errors.items())
             parts.append(f"largest distance of frame '{self.frame}' from its path: {errors}")
@@ -172,7 +176,16 @@ class SelectionVerification(WithNotes):
         return "\n".join(parts)
 
     def as_dict(self) -> dict[str, Any]:
-        """The result as data that JSON can hold, None where infinite or unknown."""
+        """The result as data that JSON can hold.
+
+        Returns:
+            Axes, tool errors, drives, limits and notes; None where a number is infinite or unknown.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.verify_selection("manutec_axis").as_dict()["kept"]
+            True
+        """
 
         def finite(value: Any) -> Any:
             return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -296,8 +309,10 @@ def _cell(value: float | None) -> str:
 
 
 def _checked_limits(limits: Mapping[str, float] | None) -> dict[str, float]:
-    found = {}
-    for name, value in (limits or {}).items():
+    found: dict[str, float] = {}
+    if limits is None:
+        return found
+    for name, value in arguments.mapping("limits", limits, "a mapping such as {'tracking_error': 1e-3}").items():
         if name not in LIMITS:
             raise InputError(f"argument 'limits': {unknown_name('limit', name, LIMITS)}")
         found[name] = arguments.number(f"limits.{name}", value, LIMITS[name], least=0.0)

@@ -12,6 +12,7 @@ import numpy as np
 
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
+from bellcrank_bench.measurements.drives import drives
 from bellcrank_bench.measurements.friction_and_stops import friction_and_stops
 from bellcrank_bench.measurements.machine import seconds_in_new_processes
 from bellcrank_bench.problems.chains_and_arms import CHAIN_SETTINGS, LINKS, chain_scene
@@ -42,6 +43,7 @@ def hard_cases(progress: Callable[[str], None] = lambda name: None) -> list[Hard
     jobs: list[tuple[str, str, Callable[[], list[Check]]]] = [(p.name, p.title, p.checks) for p in PROBLEMS.values()]
     jobs += [
         ("friction_and_stops", "dry friction and stops, against closed forms and SciPy's events", friction_and_stops),
+        ("drives", "drives in the loop, against a published trajectory and SciPy's events", drives),
         ("chain_speed", f"time per link and evaluation, against {BASE_LINKS} links", chain_speed),
         ("n_four_bar_speed", f"time per loop and evaluation of the N four-bar, against {LOOPS[0]} loops", loop_speed),
         ("first_runs", "first runs with Radau from an empty cache, in new processes", first_runs),
