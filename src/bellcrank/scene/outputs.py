@@ -135,8 +135,18 @@ def read_outputs(
             raise table.error(name, f"expected one of the keys {', '.join(kinds)}, found {found}")
         outputs[name] = Output(name, kinds[there[0]](entry))
         entry.done()
-    shown = [output.quantity.force for output in outputs.values() if isinstance(output.quantity, ForceOutput)]
     for part in parts:
-        if isinstance(part, Drive) and part not in shown and part.name not in outputs:
-            outputs[part.name] = Output(part.name, ForceOutput(part, part.labels(robot)))
+        if isinstance(part, Drive) and output_of(outputs, part) is None:
+            name = part.name
+            while name in outputs:
+                name += "_"
+            outputs[name] = Output(name, ForceOutput(part, part.labels(robot)))
     return outputs
+
+
+def output_of(outputs: Mapping[str, Output], force: Force) -> Output | None:
+    """The first output of a force or controller; None where there is none."""
+    for output in outputs.values():
+        if isinstance(output.quantity, ForceOutput) and output.quantity.force.name == force.name:
+            return output
+    return None

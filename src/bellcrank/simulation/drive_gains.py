@@ -29,6 +29,8 @@ from bellcrank.elements.controller import Controller
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.parameters import Parameter
 from bellcrank.errors import InputError
+from bellcrank.scene.output_quantities import ForceOutput
+from bellcrank.scene.outputs import Output
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
@@ -60,7 +62,8 @@ def tuned(scene: Scene) -> Scene:
         equations.take(np.concatenate([scene.own_parameters, values]))
         short = [d.name for d in wanted if not _has_margins(equations, d)]
         if not short:
-            return replace(scene, control=tuple(_with_gains(part, found) for part in scene.control))
+            control = tuple(_with_gains(part, found) for part in scene.control)
+            return replace(scene, control=control, outputs=_of_the_same(scene, control))
         for name in short:
             slow[name] *= SLOWER
     raise InputError(
@@ -102,6 +105,16 @@ def _has_margins(equations: DriveEquations, drive: Drive) -> bool:
     return all(loop.stable(factor) for factor in factors) and all(
         loop.stable(complex(np.exp(-1j * share * PHASE_MARGIN))) for share in (0.5, 1.0)
     )
+
+
+def _of_the_same(scene: Scene, control: tuple[Controller, ...]) -> dict[str, Output]:
+    """The outputs, those of drives of the drives with gains."""
+    found, drives = dict(scene.outputs), {part.name: part for part in control}
+    for name, output in scene.outputs.items():
+        quantity = output.quantity
+        if isinstance(quantity, ForceOutput) and isinstance(quantity.force, Drive):
+            found[name] = Output(name, replace(quantity, force=drives[quantity.force.name]))
+    return found
 
 
 def _with_gains(part: Controller, found: dict[str, dict[str, dict[str, float]]]) -> Controller:

@@ -13,8 +13,10 @@ from bellcrank.elements.joint_stops import JointStop
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
+from bellcrank.scene.outputs import output_of
 
 if TYPE_CHECKING:
+    from bellcrank.elements.drives import Drive
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -28,6 +30,25 @@ def stuck_intervals(run: Trajectory, joint: str) -> Array:
         raise InputError(f"{run.scene.name}: {unknown_name('joint or rotor with dry friction', joint, parts)}")
     time, modes = _modes(run, parts[joint])
     return _intervals(run, time, modes[:, 1] == 0.0)
+
+
+def drive_columns(run: Trajectory, drive: Drive) -> dict[str, Array]:
+    """The columns (n,) of the output of a drive, by their names without unit."""
+    output = output_of(run.scene.outputs, drive)
+    assert output is not None, "every drive has an output"
+    labels = [label.removeprefix(f"{output.name} ").rpartition(" [")[0] for label in output.labels]
+    return dict(zip(labels, run.outputs[output.name].T, strict=True))
+
+
+def saturated_intervals(run: Trajectory, drive: Drive) -> Array:
+    """Beginnings and ends (n, 2), s, of the intervals of rows in which the command of a drive is above its limit."""
+    found = drive_columns(run, drive).get("command over limit")
+    if found is None:
+        return np.zeros((0, 2))
+    over = found > 1.0
+    padded = np.concatenate([[False], over, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+    return np.column_stack([run.time[edges[:, 0]], run.time[edges[:, 1] - 1]])
 
 
 def intervals_at_stops(run: Trajectory, joint: str) -> Array:
@@ -48,6 +69,10 @@ def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
     for k, name in enumerate(run.scene.sticking):
         found = stuck_intervals(run, name)
         yield ("stuck" if k == 0 else "", f"{name} {_told(run, found) if len(found) else 'never'}")
+    limited = [(drive, found) for drive in run.scene.drives if len(found := saturated_intervals(run, drive))]
+    for k, (drive, found) in enumerate(limited):
+        what = "torque" if drive.model == "torque" else "voltage"
+        yield ("at its limit" if k == 0 else "", f"{drive.joint.name}: {what} {_told(run, found)}")
     first = True
     for stop in run.scene.stops_of_joints:
         hits, held = impacts_at_stops(run, stop.joint.name), intervals_at_stops(run, stop.joint.name)

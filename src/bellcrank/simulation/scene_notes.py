@@ -13,7 +13,7 @@ from bellcrank.dynamics.consistent_start import MOVED, consistent_start, correct
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.system import start_states, system_of, system_parameters
 from bellcrank.elements.controllers import PD
 from bellcrank.elements.element import Force, joint_unit, table_span
 from bellcrank.elements.expression import has_time
@@ -305,9 +305,8 @@ def _events(scene: Scene) -> Iterator[str]:
     """Events whose function is not a number at the start."""
     if not scene.events:
         return
-    state = np.concatenate(
-        [*consistent_start(scene), np.zeros(system_of(scene).size - scene.robot.nq - scene.robot.nv)]
-    )
+    q, v = consistent_start(scene)
+    state = start_states(scene, q[None], v[None], system_parameters(scene))[0]
     inputs = scene.signals_at(np.zeros(1))[0]
     values = system_of(scene).events(np.zeros(1), state, inputs, system_parameters(scene))
     for event, value in zip(scene.events, np.atleast_1d(values).tolist(), strict=True):

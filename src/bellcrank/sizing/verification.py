@@ -26,6 +26,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
+from bellcrank.simulation.joint_contacts import drive_columns
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.text_tables import TableContent, text_table
@@ -407,8 +408,7 @@ def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
 
 
 def _followed(run: Trajectory, drive: Drive, motion: str) -> FollowedAxis:
-    labels = [label.removeprefix(f"{drive.name} ") for label in run.scene.outputs[drive.name].labels]
-    columns = dict(zip([label.rpartition(" [")[0] for label in labels], run.outputs[drive.name].T, strict=True))
+    columns = drive_columns(run, drive)
     unit = "m" if drive.joint.kind == "prismatic" else "rad"
     wanted = run.scene.motion(motion)
     error = np.abs(columns.get("tracking error", np.zeros(1)))

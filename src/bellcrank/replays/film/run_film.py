@@ -42,7 +42,12 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.robot.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.interpolation import with_jumps
-from bellcrank.simulation.joint_contacts import impacts_at_stops, intervals_at_stops, stuck_intervals
+from bellcrank.simulation.joint_contacts import (
+    impacts_at_stops,
+    intervals_at_stops,
+    saturated_intervals,
+    stuck_intervals,
+)
 from bellcrank.simulation.run_csv import titled
 from bellcrank.simulation.summary import event_consequence, run_facts
 from bellcrank.version import version
@@ -221,6 +226,12 @@ def _sticking(run: Trajectory, end: float) -> Iterator[TimelineEvent]:
             yield TimelineEvent(begun, f"{name} sticks")
             if over < end:
                 yield TimelineEvent(over, f"{name} slides")
+    for drive in run.scene.drives:
+        what = "torque" if drive.model == "torque" else "voltage"
+        for begun, over in saturated_intervals(run, drive)[:MOST_EVENTS].tolist():
+            yield TimelineEvent(begun, f"{drive.joint.name} drive: {what} at its limit")
+            if over < end:
+                yield TimelineEvent(over, f"{drive.joint.name} drive: {what} within its limit")
     for stop in run.scene.stops_of_joints:
         name = stop.joint.name
         for time, _ in impacts_at_stops(run, name)[:MOST_EVENTS].tolist():
