@@ -328,3 +328,44 @@ def test_sizing_is_the_same_with_stops_and_says_that_they_exert_no_force(tmp_pat
     plain, stopped = (sizing.joint("elbow") for sizing in found)
     assert stopped.peak_torque == plain.peak_torque and stopped.holding_torque == plain.holding_torque
     assert not found[1].forces and any("rigid stops (shoulder, elbow) exert no force" in w for w in found[1].warnings)
+
+
+def test_the_ledger_of_work_says_where_the_energy_went(tmp_path):
+    """With a damper, dry friction and a stop the parts sum to the work, and an impact takes what it must."""
+    changes = {
+        "joints": {"swing": {"dry_friction": {"coulomb": 0.5}, "stop": {"lower": -0.5, "restitution": 0.6}}},
+        "initial.swing": 1.0, "simulate.duration": 4.0, "simulate.rtol": 1e-11, "simulate.atol": 1e-11,
+        "forces": [{"kind": "damper", "joint": "swing", "coefficient": 0.3}],
+        "outputs": {"ledger": {"work": "all"}, "damped": {"work": "damper"}},
+    }  # fmt: skip
+    run = bc.simulate("pendulum", overrides=changes)
+    damper, friction, own, impacts = run.outputs["ledger"].T
+    assert not own.any()
+    assert np.abs(damper + friction + impacts - run.work).max() < 1e-12
+    assert (run.outputs["damped"] == damper).all()
+    assert run.energy_drift() < 1e-9
+    (_, impulse), *others = run.impacts("swing").tolist()
+    inertia = float(run.robot.mass_matrix(run.position[0])[0, 0])
+    speed = impulse / (inertia * 1.6)
+    assert not others and impacts[-1] == pytest.approx(-0.5 * inertia * speed**2 * (1 - 0.36), rel=1e-8)
+    early = run.time <= 0.3
+    lost = 0.5 * np.abs(np.diff(run.position[early, 0])).sum()  # Coulomb friction times the way
+    assert friction[early][-1] == pytest.approx(-lost, rel=1e-9)
+
+
+def test_impacts_of_several_joints_at_one_instant_are_a_note(tmp_path):
+    parts = ['<robot name="two"><link name="base"/>']
+    for name in ("a", "b"):
+        parts.append(
+            f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+            f'</inertial></link><joint name="j{name}" type="prismatic"><parent link="base"/><child link="{name}"/>'
+            '<axis xyz="0 0 1"/><limit lower="0" upper="9" velocity="9" effort="9"/></joint>'
+        )
+    (tmp_path / "two.urdf").write_text("".join([*parts, "</robot>"]))
+    data = {"urdf": "two.urdf", "joint_stops": "from_file", "initial": {"ja": 1.0, "jb": 1.0}}
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump(data))
+    run = bc.simulate(tmp_path / "two.yaml", duration=1.0)
+    assert any("strike their stops at once" in note for note in run.notes)
+    data["initial"]["jb"] = 0.5
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump(data))
+    assert not any("at once" in note for note in bc.simulate(tmp_path / "two.yaml", duration=1.0).notes)

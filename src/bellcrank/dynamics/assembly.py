@@ -156,8 +156,11 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         passive += s.additions.load
     none = casadi.SX(0, 1)
     s.load_at_start = _load_at_start(scene, s)
-    z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states])
-    z_start = casadi.vertcat(none, *[part.auxiliary_start(s) for part in with_states])
+    works, spent = [work.rate(s) for work in scene.works], casadi.SX.sym("W")
+    z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states], *works)
+    z_start = casadi.vertcat(
+        none, *[part.auxiliary_start(s) for part in with_states], *[casadi.SX(*each.shape) for each in works]
+    )
     torque = actuator + passive
     newton_euler = s.algorithm("inverse_dynamics")
     bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
@@ -207,6 +210,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         reactions=None
         if solution is None
         else ConstraintReactions(scene.constraints, solution, solution.proximal.multipliers, s),
+        work=spent,
     )
     outputs = {name: output.value(equations) for name, output in scene.outputs.items()}
     event_equations = equations
@@ -221,7 +225,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         u=s.u,
         p=p,
         z=s.z,
-        work=casadi.SX.sym("W"),
+        work=spent,
         rate=s.algorithm("configuration_rate")(s.q, s.v),
         auxiliary_rate=held.auxiliary_rate,
         auxiliary_start=z_start,

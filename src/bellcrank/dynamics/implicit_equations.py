@@ -92,6 +92,7 @@ def implicit_equations(scene: Scene) -> ImplicitEquations:
     motion = s.algorithm("inverse_dynamics")(s.q, s.v, acceleration, s.tracer_parameters)
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     equations = EquationSymbols(
+        work=casadi.SX(0),
         symbols=s,
         acceleration=acceleration,
         joint_torque=applied + torque,

@@ -193,6 +193,8 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
             f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which these "
             "linear equations do not have; remove its 'model'"
         )
+    if scene.works:
+        raise InputError(f"{scene.source}: outputs.{scene.works[0].name}: work has no linear equations; remove it")
     if not scene.held_sources:
         return
     sampled = [part.name for part in scene.control if part.samples is not None]

@@ -35,6 +35,7 @@ class EquationSymbols:
         kinetic: Kinetic energy, J.
         potential: Potential energy of gravity and springs, J.
         reactions: The constraint forces; None for a scene without constraints.
+        work: The work W since the start, J.
     """
 
     symbols: Symbols
@@ -43,6 +44,7 @@ class EquationSymbols:
     kinetic: casadi.SX
     potential: casadi.SX
     reactions: Reactions | None
+    work: casadi.SX
 
     def multipliers(self, constraint: str) -> casadi.SX:
         """The multipliers of one constraint, N or N m, in the order of its labels."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import Force, joint_unit
 from bellcrank.elements.expression import Expression
@@ -14,6 +15,7 @@ from bellcrank.robot.robot import RobotJoint
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.symbols import Symbols
     from bellcrank.scene.equation_symbols import EquationSymbols
 
 FRAME_LABELS: Final = {
@@ -155,6 +157,47 @@ class ForceOutput(Quantity):
     def value(self, equations: EquationSymbols) -> casadi.SX:
         """The values of the columns."""
         return self.force.measure(equations.symbols)
+
+
+@dataclass(frozen=True)
+class WorkOutput(Quantity):
+    """The work (J) that forces and controllers have done since the start, which the solver integrates.
+
+    With `rest` also that of the robot's own friction, and what is left of the work of the run: that of constraints that
+    move, and of impacts.
+    """
+
+    name: str  # of the output
+    parts: tuple[Force, ...]
+    rest: bool
+
+    @property
+    def states(self) -> AuxiliaryStates:
+        """The states that hold it."""
+        names = [part.name for part in self.parts] + (["robot friction"] if self.rest else [])
+        return AuxiliaryStates(f"work of output {self.name}", tuple(f"{name} [J]" for name in names))
+
+    def rate(self, symbols: Symbols) -> casadi.SX:
+        """The power of each, W."""
+        import casadi
+
+        found = [casadi.SX(part.generalised_force(symbols).power) for part in self.parts]
+        if self.rest:
+            found.append(-casadi.dot(symbols.robot.equations.friction(symbols.v), symbols.v))
+        return casadi.vertcat(casadi.SX(0, 1), *found)
+
+    def suffixes(self) -> tuple[str, ...]:
+        """A column for each part; one without a name of its own where there is only one."""
+        if not self.rest and len(self.parts) == 1:
+            return ("[J]",)
+        return (*self.states.labels, "constraints and impacts [J]") if self.rest else self.states.labels
+
+    def value(self, equations: EquationSymbols) -> casadi.SX:
+        """The values of the columns."""
+        import casadi
+
+        found = equations.symbols.auxiliary(self.states)
+        return casadi.vertcat(found, equations.work - casadi.sum1(found)) if self.rest else found
 
 
 @dataclass(frozen=True)

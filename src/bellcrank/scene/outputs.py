@@ -8,6 +8,8 @@ outputs: {NAME: ENTRY}, where an entry is one of
 - {momentum: linear | angular} of a robot with a free base, the angular momentum about the world's origin;
 - {force: NAME} of a force or controller: the generalised force at its joints, positive along their coordinates
   (negative for a stretched joint_spring), the tension of a spring, or a wrench in world axes;
+- {work: NAME | all}: the work of a force or controller since the start, or of all of them, of the robot's friction, and
+  of constraints that move and impacts together;
 - {constraint: NAME, what: multipliers | contact_point | friction_demand}: multipliers are forces on the body of the
   first frame; the others, of a rolling disk, are the point of contact in the world and friction over normal force;
 - {expression, unit} (elements/expression.py).
@@ -25,6 +27,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.element import Element, Force, read_frame, read_joint
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
@@ -45,12 +48,16 @@ from bellcrank.scene.output_quantities import (
     JointOutput,
     MomentumOutput,
     Quantity,
+    WorkOutput,
 )
 
 if TYPE_CHECKING:
     import casadi
 
     from bellcrank.scene.equation_symbols import EquationSymbols
+
+
+ALL = "all"  # forces and controllers
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,17 @@ def read_outputs(
             raise entry.error("force", f"a force and a controller are both named '{name}'; rename one of them")
         return ForceOutput(found[0], found[0].labels(robot))
 
+    def work(entry: Fields) -> Quantity:
+        forces, name = [part for part in parts if isinstance(part, Force)], entry.text("work")
+        if name == ALL:
+            acting = tuple(part for part in forces if not isinstance(part, JointStop))
+            return WorkOutput(entry.path.rpartition(".")[2], acting, True)
+        found = tuple(part for part in forces if part.name == name)
+        if not found:
+            known = [ALL, *(part.name for part in forces)]
+            raise entry.error("work", unknown_name("force or controller", name, known))
+        return WorkOutput(entry.path.rpartition(".")[2], found, False)
+
     def constraint(entry: Fields) -> Quantity:
         constraints = {part.name: part for part in parts if isinstance(part, Constraint)}
         name, what = entry.text("constraint"), entry.choice("what", CONSTRAINT_WHAT, "multipliers")
@@ -122,7 +140,7 @@ def read_outputs(
         return ExpressionOutput(read_expression(entry, robot, parameters), entry.unit())
 
     kinds: dict[str, Callable[[Fields], Quantity]] = {
-        "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force,
+        "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force, "work": work,
         "constraint": constraint, "expression": expression,
     }  # fmt: skip
     table = read.mapping("outputs", {})

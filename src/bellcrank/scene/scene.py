@@ -51,6 +51,7 @@ from bellcrank.notes import Note, in_use
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
+from bellcrank.scene.output_quantities import WorkOutput
 from bellcrank.scene.output_terms import OutputTerms
 from bellcrank.scene.outputs import Output, read_outputs
 from bellcrank.scene.overrides import apply_overrides, declared
@@ -315,7 +316,13 @@ class Scene(Portable):
     @property
     def auxiliary_states(self) -> tuple[AuxiliaryStates, ...]:
         """The states of elements besides positions and velocities, in the order in which they follow these in x."""
-        return tuple(states for part in self.elements if (states := part.auxiliary) is not None)
+        found = [states for part in self.elements if (states := part.auxiliary) is not None]
+        return (*found, *(work.states for work in self.works))
+
+    @property
+    def works(self) -> tuple[WorkOutput, ...]:
+        """The outputs of work, which the solver integrates."""
+        return tuple(o.quantity for o in self.outputs.values() if isinstance(o.quantity, WorkOutput))
 
     @property
     def stops_of_joints(self) -> tuple[JointStop, ...]:

@@ -29,7 +29,7 @@ from bellcrank.elements.controller import Controller
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.parameters import Parameter
 from bellcrank.errors import InputError
-from bellcrank.scene.output_quantities import ForceOutput
+from bellcrank.scene.output_quantities import ForceOutput, WorkOutput
 from bellcrank.scene.outputs import Output
 
 if TYPE_CHECKING:
@@ -114,6 +114,9 @@ def _of_the_same(scene: Scene, control: tuple[Controller, ...]) -> dict[str, Out
         quantity = output.quantity
         if isinstance(quantity, ForceOutput) and isinstance(quantity.force, Drive):
             found[name] = Output(name, replace(quantity, force=drives[quantity.force.name]))
+        if isinstance(quantity, WorkOutput):
+            parts = tuple(drives.get(part.name, part) for part in quantity.parts)
+            found[name] = Output(name, replace(quantity, parts=parts))
     return found
 
 

@@ -51,6 +51,10 @@ def variables_of(scene: Scene, names: Sequence[str]) -> tuple[Variable, ...]:
             f"{scene.source}: sensitivities: the states of drives ({scene.drives[0].name}) are not differentiated; "
             "compare runs with values that differ a little"
         )
+    if scene.works:
+        raise InputError(
+            f"{scene.source}: sensitivities: outputs.{scene.works[0].name}: work is not differentiated; remove it"
+        )
     if held := scene.held_sources:
         raise InputError(
             f"{scene.source}: sensitivities: forces that switch and sampled controllers have no derivatives here "
