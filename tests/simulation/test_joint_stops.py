@@ -369,3 +369,37 @@ def test_impacts_of_several_joints_at_one_instant_are_a_note(tmp_path):
     data["initial"]["jb"] = 0.5
     (tmp_path / "two.yaml").write_text(yaml.safe_dump(data))
     assert not any("at once" in note for note in bc.simulate(tmp_path / "two.yaml", duration=1.0).notes)
+
+
+def test_a_latch_catches_a_joint_and_the_run_goes_on(tmp_path):
+    """The impulse is that of a stop without restitution, and the joint rests for ever after."""
+    stop = {"lower": -9.0, "upper": 1.0}
+    caught = bc.simulate("pendulum", overrides={"joints": {"swing": {"stop": {**stop, "latch": True}}}, "initial": {
+        "swing": 0.0, "velocity": {"swing": 4.0}}, "simulate.duration": 3.0})  # fmt: skip
+    plain = bc.simulate("pendulum", overrides={"joints": {"swing": {"stop": {**stop, "restitution": 0.0}}}, "initial": {
+        "swing": 0.0, "velocity": {"swing": 4.0}}, "simulate.duration": 3.0})  # fmt: skip
+    assert (caught.impacts("swing") == plain.impacts("swing")[:1]).all()
+    (begun, end), *others = caught.at_stop("swing").tolist()
+    assert not others and end == 3.0 and begun == caught.impacts("swing")[0, 0]
+    after = caught.time > begun
+    assert (caught.position[after, 0] == 1.0).all() and (caught.velocity[after, 0] == 0.0).all()
+    assert caught.energy_drift() < 1e-9 and plain.position[-1, 0] < 1.0
+
+
+def test_a_latched_joint_of_an_arm_stays_while_others_strike_their_stops(tmp_path):
+    latch = {"lower": -9.0, "upper": 0.4, "latch": True}
+    joints = {"shoulder": {"stop": latch}, "elbow": {"stop": {"lower": -1.0, "upper": 1.0, "restitution": 0.8}}}
+    changes = {"joints": joints, "initial": {"velocity": {"shoulder": 3.0, "elbow": -2.0}}, "simulate.duration": 3.0}
+    run = bc.simulate("planar_2r_swing", overrides=changes | {"events": [], "control": [], "outputs": {}})
+    begun = run.at_stop("shoulder")[0, 0]
+    after = run.time > begun
+    assert (run.position[after, 0] == 0.4).all() and (run.velocity[after, 0] == 0.0).all()
+    assert len(run.impacts("elbow")) > 3 and run.energy_drift() < 1e-7
+    first, *later = run.impacts("shoulder")[:, 1].tolist()
+    assert first < 0.0 < max(later)  # it is pushed back when it is caught, and pulled by impacts of the elbow
+
+
+def test_a_latch_with_restitution_or_stiffness_is_refused(block):
+    for stop in ({"lower": 0, "latch": True, "restitution": 0.5}, {"lower": 0, "latch": True, "stiffness": 1}):
+        with pytest.raises(bc.InputError, match=r"joints.slide.stop"):
+            block(stop)

@@ -196,7 +196,7 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
 
 
 def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
-    """While it holds its force pushes; else the joint is in its range."""
+    """While it holds its force pushes, or it is latched; else the joint is in its range."""
     import casadi
 
     direction, moves, holds, _ = mode
@@ -207,8 +207,9 @@ def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
         room = room * (upper - place) / (upper - lower)
     ends = [lower if above else casadi.SX(-FAR), upper if below else casadi.SX(FAR)]
     none = casadi.SX(0)
+    latched = part.latch
     return _Part(
-        none, none, none, lambda x: holds * direction * x + moves * room,
+        none, none, none, lambda x: holds * (1.0 if latched else direction * x) + moves * room,
         casadi.horzcat(*ends, casadi.SX(part.value(s, "restitution"))),
     )  # fmt: skip
 

@@ -2,7 +2,8 @@
 
 `joints.NAME.stop` has `lower` and `upper` (by default those of the robot file) and `restitution` (0 by default);
 `joint_stops: from_file` gives every joint with a range in the robot file a stop without restitution. With `stiffness`
-the stop is elastic: a force −max(0, stiffness δ + damping δ̇) at the depth δ. Source of the law of impact: Newton's;
+the stop is elastic: a force −max(0, stiffness δ + damping δ̇) at the depth δ. With `latch` a rigid stop holds the joint
+once it is reached. Source of the law of impact: Newton's;
 where several stops are struck at once and it would raise the energy, Poisson's (stuck_joints.py).
 """
 
@@ -49,6 +50,7 @@ class JointStop(JointForce):
     lower: float
     upper: float
     restitution: float
+    latch: bool = False  # once reached it holds the joint
     kind: ClassVar[str] = KEY
 
     @property
@@ -56,7 +58,7 @@ class JointStop(JointForce):
         """The ends that are finite, and the restitution."""
         unit = joint_unit(self.joint, "position")
         found = {key: Settable(unit, ANY) for key in ("lower", "upper") if math.isfinite(self.number(key))}
-        return {**found, "restitution": Settable("", NONNEGATIVE)}
+        return found if self.latch else {**found, "restitution": Settable("", NONNEGATIVE)}
 
     @property
     def mode(self) -> HeldSource:
@@ -113,7 +115,7 @@ def _range(robot: Robot, joint: RobotJoint) -> tuple[float, float]:
 
 
 def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader) -> Force:
-    read.only(("lower", "upper", "restitution", "stiffness", "damping"))
+    read.only(("lower", "upper", "restitution", "stiffness", "damping", "latch"))
     unit, file = joint_unit(joint, "position"), _range(robot, joint)
     lower, upper = (
         number(read, key, unit) if key in read else end for key, end in zip(("lower", "upper"), file, strict=True)
@@ -128,8 +130,13 @@ def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader
         restitution = number(read, "restitution", "", 0.0, NONNEGATIVE)
         if restitution > 1.0:
             raise read.error("restitution", f"expected 0 to 1, found {restitution:g}")
+        latch = read.flag("latch", False)
+        if latch and restitution:
+            raise read.error("restitution", "a stop that latches holds the joint, which does not rebound; remove it")
         read.done()
-        return JointStop(name, read, joint, lower, upper, restitution)
+        return JointStop(name, read, joint, lower, upper, restitution, latch)
+    if "latch" in read:
+        raise read.error("latch", "an elastic stop (stiffness, damping) does not latch; remove one of the two")
     if "restitution" in read:
         raise read.error("restitution", "an elastic stop (stiffness, damping) has no restitution; give one of the two")
     stiffness = number(read, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)

@@ -46,7 +46,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         start=np.concatenate([source.start for source in sources]),
         switch_count=count,
         switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
-        mode_kinds=[int(isinstance(part, JointStop)) for part in modes],
+        mode_kinds=[1 + part.latch if isinstance(part, JointStop) else 0 for part in modes],
         mode_rows=rows,
         mode_places=[part.joint.q for part in modes],
         work_row=system.size - 1 if system.has_work else -1,

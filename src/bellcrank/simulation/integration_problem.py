@@ -124,7 +124,7 @@ class HeldEntries:
         switch_count: How many of the first are sides, 1 or -1.
         switches: Address of (t, x, u, p) -> the functions whose signs they are, and those that are positive while the
             modes last; 0 where there are none.
-        mode_kinds: 0 for dry friction, 1 for a stop.
+        mode_kinds: 0 for dry friction, 1 for a stop, 2 for one that latches.
         mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
         work_row: The entry of x that is the work, which impacts change; −1: there is none.
         response_rows: How many entries of x, from the velocities on, the forces of modes accelerate.

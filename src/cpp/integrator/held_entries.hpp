@@ -220,7 +220,8 @@ class Held {
     return sum == 0;
   }
 
-  bool is_stop(int j) const { return h_.mode_kinds[j] == 1; }
+  bool is_stop(int j) const { return h_.mode_kinds[j] >= 1; }
+  bool is_latch(int j) const { return h_.mode_kinds[j] == 2; }
   double response(const Turn& f, int j, int k) const {
     return f.response[k * h_.response_rows + h_.mode_rows[j] - p_.nq];
   }
@@ -299,7 +300,7 @@ class Held {
         value -= response(f, j, resting_[l]) * f.sliding[resting_[l]];
       }
       modes_.right[k] = value;
-      set_bounds(k, j, f);
+      set_bounds(k, j, f, true);
     }
     modes_.solve(count);
     for (int k = 0; k < count; ++k) {
@@ -375,9 +376,11 @@ class Held {
     return above <= same_place ? 1 : below <= same_place ? -1 : 0;
   }
 
-  void set_bounds(int k, int j, const Turn& f) {
-    modes_.low[k] = is_stop(j) ? (closed_[j] > 0 ? 0 : -INFINITY) : f.low[j];
-    modes_.high[k] = is_stop(j) ? (closed_[j] > 0 ? INFINITY : 0) : f.high[j];
+  // `caught`: a latch holds in both directions.
+  void set_bounds(int k, int j, const Turn& f, bool caught) {
+    caught = caught && is_latch(j);
+    modes_.low[k] = caught ? -INFINITY : is_stop(j) ? (closed_[j] > 0 ? 0 : -INFINITY) : f.low[j];
+    modes_.high[k] = caught ? INFINITY : is_stop(j) ? (closed_[j] > 0 ? INFINITY : 0) : f.high[j];
   }
 
   // The impact of the joints at stops that `state_` moves into them: impulses p with v+ = v + C p that leave no joint
@@ -411,7 +414,7 @@ class Held {
       const int j = struck_[k];
       modes_.right[k] = (1 + share * f.restitution[j]) * f.velocity[j];
       for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, j, struck_[l]);
-      set_bounds(k, j, f);
+      set_bounds(k, j, f, mode(j).holds);
     }
     modes_.solve(count);
     return energy(count, f);
@@ -421,6 +424,7 @@ class Held {
   double poisson(int count, const Turn& f) {
     strike(count, f, 0);
     for (int k = 0; k < count; ++k) {
+      if (is_latch(struck_[k]) && mode(struck_[k]).holds) continue;
       const double least = (1 + f.restitution[struck_[k]]) * modes_.force[k];
       (closed_[struck_[k]] > 0 ? modes_.low : modes_.high)[k] = least;
     }

@@ -52,7 +52,7 @@ struct Update {
 struct HeldEntries {
   int count, switch_count;  // sides first, then modes, then what updates compute
   int mode_count;           // of joints with dry friction or stops; four entries each (held_entries.hpp)
-  const int* mode_kinds;    // 0 dry friction, 1 a stop
+  const int* mode_kinds;    // 0 dry friction, 1 a stop, 2 one that latches
   const int *mode_rows, *mode_places;  // the entries of x that are their velocities, and positions
   int work_row;             // the entry of x that is the work, which impacts change, or -1
   int response_rows;        // how many entries of x, from nq on, forces of modes accelerate
