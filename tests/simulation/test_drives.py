@@ -267,7 +267,7 @@ def test_a_sampled_cascade_steps_as_one_written_by_hand(tmp_path: Path) -> None:
     torque = MASS * REACH * G / N
     x = np.array([0.0, 0.0, N * MASS * REACH * G / C, 0.0, torque / KT])
     before, wanted, volts = read(x[2]), 0.0, R * torque / KT
-    integral, current_integral, queue = torque - kp * N * kv * (target - x[2] / N), volts, volts
+    integral, current_integral, queue = torque + kp * kv * x[2], volts, volts  # the encoder does not see the twist
     rows, late_by = [x], delay - step
     for k in range(round(0.1 / step)):
         if k % round(late / step) == 0:
@@ -304,8 +304,9 @@ def test_a_continuous_cascade_is_led_back_from_its_limit(tmp_path: Path) -> None
         torque = min(max(asked, -12 * KT), 12 * KT)
         return [x[1], N * torque / (LOAD + J * N**2), (kp * error + torque - asked) / ti]
 
-    start = [0.0, 0.0, -kp * N * kv]  # the integrator holds the load, which is 0
-    exact = solve_ivp(rate, (0.0, 1.0), start, "LSODA", t_eval=run.time, rtol=1e-12, atol=1e-12, max_step=1e-3).y
+    exact = solve_ivp(
+        rate, (0.0, 1.0), [0.0, 0.0, 0.0], "LSODA", t_eval=run.time, rtol=1e-12, atol=1e-12, max_step=1e-3
+    ).y
     assert np.abs(run.position[:, 0] - exact[0]).max() < 1e-7
 
 
@@ -365,6 +366,20 @@ def test_feed_forward_of_torque_follows_a_motion_exactly_without_friction(tmp_pa
     motor = {key: value for key, value in MOTOR.items() if key not in ("nominal_voltage", "peak_current")}
     run = bc.simulate(scene(tmp_path, {"motor": motor, "servo": servo}, gravity=[0, 0, -G], motions=motion))
     assert np.abs(column(run, "tracking error [rad]")).max() < 1e-9
+
+
+def test_a_rotor_that_sticks_and_a_joint_that_meets_its_stop_are_told_apart(tmp_path: Path) -> None:
+    drive = {"elastic": {"stiffness": C, "damping": D}, "rotor_friction": {"coulomb": 0.1}, "servo": {"torque": 0.5}}
+    stop = {"lower": -1.0, "upper": 0.2, "restitution": 0.0}
+    free = bc.simulate(scene(tmp_path, drive, simulate={"duration": 0.1}))
+    run = bc.simulate(scene(tmp_path, drive, joints={"axis": {"stop": stop}}, simulate={"duration": 2.0}))
+    early = bc.simulate(tmp_path / "arm.yaml", duration=0.1, samples=51)
+    assert np.abs(early.state[:, :4] - free.state[:, :4]).max() < 1e-9 * np.abs(free.state).max()
+    assert run.position[-1, 0] == 0.2 and run.velocity[-1, 0] == 0.0
+    # pressed against the stop the rotor rests where friction and the gear bear the motor's torque
+    assert run.stuck("axis rotor")[-1, 1] == 2.0
+    twist = column(run, "twist [rad]")[-1]
+    assert 0.4 * N / C <= twist * (1 + 1e-9) and twist <= 0.6 * N / C
 
 
 # ---- what else takes a scene with a drive

@@ -22,6 +22,7 @@ from bellcrank.commands.size import parse_share
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file
+from bellcrank.messages import unknown_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,6 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.verdict_tables import table, verdict
 
     payloads = [parse_payload(text) for text in arguments.payload]
+    limits = dict(map(_limit, arguments.limit))
+    if limits and not arguments.simulate:
+        raise InputError("--limit is for drives that are simulated; add --simulate")
     tolerance, given = parse_share(arguments.mass_tolerance), conditions(arguments)
     target: Path | None = arguments.out
     if target is not None:
@@ -94,11 +98,11 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{verdict(found)}")
     if target is not None:
         print(f"wrote {found.to_json(target)}")
-    kept = _simulated(arguments) if arguments.simulate else True
+    kept = _simulated(arguments, limits) if arguments.simulate else True
     return 0 if kept and (found.verified or (arguments.accept_unknown and found.inside)) else 1
 
 
-def _simulated(arguments: argparse.Namespace) -> bool:
+def _simulated(arguments: argparse.Namespace, limits: dict[str, float]) -> bool:
     """Simulate the drives, print how they follow, and return whether the limits are kept. Raises BellcrankError."""
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.sizing.verification import verify_selection
@@ -112,14 +116,14 @@ def _simulated(arguments: argparse.Namespace) -> bool:
         arguments.motion or None,
         settle=number_option("--settle", arguments.settle, "s", least=0.0) or 0.0,
         frame=arguments.frame,
-        limits=dict(map(_limit, arguments.limit)),
+        limits=limits,
         overrides=dict(parse_assignment(text) for text in arguments.changes) or None,
         trust=arguments.trust,
         progress=lambda name: print(f"simulating motion '{name}' …", file=sys.stderr),
     )
     print(f"\n{found}")
     if unused:
-        print(f"note: {', '.join(unused)} are not part of the simulation; write them in the file")
+        print(f"note: not part of the simulation: {', '.join(unused)}; write them in the file")
     if arguments.out is not None:
         print(f"wrote {found.to_json(arguments.out.with_name(f'{arguments.out.stem}_simulated.json'))}")
     return found.kept
@@ -129,6 +133,8 @@ def _limit(text: str) -> tuple[str, float]:
     """(name, value) of NAME=VALUE. Raises InputError."""
     name, sign, value = text.partition("=")
     units = {"tracking_error": "rad or m", "tool_error": "m", "settling_time": "s", "winding_temperature": "°C"}
+    if name.strip() not in (*units, "command_over_limit"):
+        raise InputError(f"--limit {text}: {unknown_name('limit', name.strip(), (*units, 'command_over_limit'))}")
     try:
         return name.strip(), parse_number(value.strip(), units.get(name.strip(), ""))
     except ValueError as error:

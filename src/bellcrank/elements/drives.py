@@ -73,7 +73,7 @@ MODELS: Final = ("torque", "dc", "dq")
 LOSS: Final = ("coulomb", "static", "speed", "viscous")
 PER_AMPLITUDE: Final = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis
 LOCKED: Final = 1.01  # of the load: what a self-locking gear holds at least, so that rounding does not set it free
-LEAST_FRICTION: Final = 1e-12  # N m, so that a gear without load and friction still has a limit to compare with
+LEAST_FRICTION: Final = 1e-7  # N m, far above rounding: what a gear with losses by load holds without load
 Numbers = Mapping[str, float]
 
 
@@ -554,10 +554,12 @@ def read_drives(
     context: ControlContext,
     sticking: Sequence[str],
     control: Sequence[Controller],
+    names: Sequence[str],
 ) -> tuple[Drive, ...]:
     """The drives of the entries of `actuators` that have a `model`.
 
-    `sticking` are the joints with dry friction of their own; `control` the scene's controllers. Raises InputError.
+    `sticking` are the joints with dry friction of their own; `control` the scene's controllers; `names` are those of
+    its forces. Raises InputError.
     """
     entries, found = read.mapping("actuators", {}), []
     for name in entries:
@@ -574,9 +576,12 @@ def read_drives(
         if not drive.is_elastic and drive.friction is not None and name in sticking:
             raise entry.error(
                 "model",
-                f"joint '{name}' has dry_friction, and the rotor's friction acts at the joint too, since the gear is "
-                "rigid; write elastic, or rotor_friction: none and add the two",
+                f"joint '{name}' has dry_friction or a brake, and the rotor's friction acts there too, since the "
+                "gear is rigid; write elastic, or rotor_friction: none and add the two",
             )
+        for taken in names:
+            if taken in (drive.name, f"rotor_friction_{name}"):
+                raise entry.error("model", f"the name '{taken}' is taken by a force; give the force another name")
         for part in control:
             if name in [each.name for each in part.joints]:
                 raise entry.error(

@@ -475,10 +475,11 @@ class Servo:
             gap = 0.5 * drive.gear["backlash"] * casadi.sign(torque)
             wound = ratio * torque / drive.value(symbols, "gear.stiffness") + gap
         measured = position + wound if self.encoder == "motor" else position
-        error = drive.value(symbols, "servo.position.kp") * (place - measured) + self.feedforward["speed"] * rate
-        reference, turning = ratio * error, ratio * velocity
-        speed = torque - self._torque_ahead(drive, symbols)
-        speed -= drive.value(symbols, "servo.speed.kp") * (reference - turning)
+        gain, turning = drive.value(symbols, "servo.position.kp"), ratio * velocity
+        reference = ratio * (gain * (place - measured) + self.feedforward["speed"] * rate)
+        # the integrator holds the load, and what an encoder at the motor sees of the twist
+        unseen = ratio * gain * (position - measured)
+        speed = torque - self._torque_ahead(drive, symbols) - drive.value(symbols, "servo.speed.kp") * unseen
         found: list[casadi.SX] = []
         if "position" in self.samples:
             found.append(reference)

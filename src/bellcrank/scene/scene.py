@@ -295,8 +295,8 @@ class Scene(Portable):
 
     @property
     def parts_with_modes(self) -> tuple[DryFriction | JointStop, ...]:
-        """What sticks or holds: dry friction of joints, then that of rotors, then rigid stops."""
-        return (*self.dry_friction, *self._rotor_friction, *self.stops_of_joints)
+        """What sticks or holds, in the order of its modes in u: dry friction of joints and rotors, and rigid stops."""
+        return tuple(part for part in self.elements if isinstance(part, DryFriction | JointStop))
 
     @property
     def drives(self) -> tuple[Drive, ...]:
@@ -547,7 +547,8 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     control_context = ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock, held)
     control = read_control(read, control_context)
     sticking = [part.joint.name for part in forces if isinstance(part, DryFriction)]
-    control = (*control, *read_drives(read, config.actuators, robot, control_context, sticking, control))
+    taken = [force.name for force in forces]
+    control = (*control, *read_drives(read, config.actuators, robot, control_context, sticking, control, taken))
     refuse_joints_off_paths(constraints, control, robot, config.motions)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)

@@ -29,6 +29,11 @@ def with_function(scene: Scene, function: Callable[[float, Array, Array], Any], 
     if sample_time is None:
         raise InputError("argument 'sample_time': expected the seconds between two calls of `controller`, found none")
     period = arguments.number("sample_time", sample_time, "s", above=0.0)
+    if scene.drives:
+        raise InputError(
+            f"{scene.source}: argument 'controller': its torques act on joints, and joint "
+            f"'{scene.drives[0].joint.name}' has a drive; remove its 'model'"
+        )
     if NAME in [part.name for part in scene.control]:
         raise InputError(f"{scene.source}: the name '{NAME}' is that of the argument; rename the entry of 'control'")
     driven = Driven.of(scene.robot, scene.config.actuated or scene.config.joints_with_actuators)

@@ -375,6 +375,11 @@ def _with_drives(scene: Scene, motion: str, period: float) -> tuple[Scene, list[
                 f"of {period:g} s whose gains are found"
             )
         )
+    if open_loop := [drive.joint.name for drive in scene.drives if drive.servo is None]:
+        raise InputError(
+            f"{scene.source}: actuators.{open_loop[0]}.servo is a command, which follows no motion; give a cascade of "
+            "controllers or gains: auto"
+        )
     if rough:
         notes.append(Note(f"the friction of the motors of {', '.join(rough)} is not stated, and is left out"))
     return (scene.with_overrides(changes) if changes else scene), notes
@@ -400,8 +405,9 @@ def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
     length = scene.motion(motion).duration
     changes: dict[str, Any] = {"initial": {"motion": motion}, "simulate.duration": length + rest}
     for drive in scene.drives:
-        if drive.servo is not None:
-            changes[f"actuators.{drive.joint.name}.servo.motion"] = motion
+        servo = scene.data["actuators"][drive.joint.name]["servo"]
+        kept = {key: value for key, value in servo.items() if key != "target"}
+        changes[f"actuators.{drive.joint.name}.servo"] = {**kept, "motion": motion}
     duration = length + rest
     rows = min(max(math.ceil(duration / SPACING) + 1, 1001), MOST_ROWS)
     return simulate(scene.with_overrides(changes), samples=rows)
