@@ -5,7 +5,6 @@ States are the displacements and velocities of the joints, and the states of the
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +17,8 @@ from bellcrank.dynamics.drive_loops import (
     DriveEquations,
     drive_dynamics,
     refuse_nonlinear,
+    smooth_scene,
     with_continuous_loops,
-    without_losses,
 )
 from bellcrank.notes import Note, ranked
 from bellcrank.simulation.drive_gains import tuned
@@ -37,8 +36,7 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
     refuse_nonlinear(scene)
     scene = tuned(scene)
     drives, robot, t = scene.drives, scene.robot, np.array([time])
-    control = tuple(without_losses(part) if part in drives else part for part in scene.control)
-    smooth = replace(scene, control=control, outputs={}, events=())
+    smooth = smooth_scene(scene)
     equations = DriveEquations(with_continuous_loops(smooth), t, position)
     keep = equations.varying
     a, size = equations.field[np.ix_(keep, keep)], robot.nv
@@ -54,7 +52,10 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
     inputs = [(f"{drive.joint.name} motor torque", "N m") for drive in drives]
     inputs += [(f"{j.name} {'force' if j.kind == 'prismatic' else 'torque'}", "N" if j.kind == "prismatic" else "N m")
                for j in joints]  # fmt: skip
-    notes = [*file_notes(scene), Note("linear equations leave out dry friction, and the losses and backlash of gears")]
+    notes = [
+        *file_notes(scene),
+        Note("linear equations leave out dry friction, stops, and the losses and backlash of gears"),
+    ]
     if any(drive.servo is not None and drive.servo.samples for drive in drives):
         notes.append(
             Note(

@@ -1,6 +1,6 @@
 """The loops of drives: resonance, bandwidth and stability margins of each, at rest in a posture.
 
-Their equations are linear ones about the posture, without dry friction, losses of gears and backlash.
+Their equations are linear ones about the posture, without dry friction and stops, losses of gears and backlash.
 
 The resonances of an axis are the eigenfrequencies ω_r of its rotor and the joints, with the torque of its motor given
 and the other rotors and joints without elastic gear held; the antiresonances ω_a those with its own rotor held too: the
@@ -27,11 +27,15 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.assembly import assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
+from bellcrank.elements.drives import Drive
+from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
+from bellcrank.elements.joint_forces import Damper
+from bellcrank.elements.joint_stops import JointStop
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.elements.drives import Drive
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -108,20 +112,28 @@ def refuse_nonlinear(scene: Scene) -> None:
     for joint in scene.robot.joints:
         if joint.nv != 1 or joint.nq != 1:
             raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
-    if parts := [*scene.dry_friction, *scene.stops_of_joints]:
-        raise InputError(
-            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a stop has no "
-            "linear equations; remove it"
-        )
-    if any(part.switches for part in scene.elements if part not in scene.drives):
+    smooth = (*scene.drives, *scene.dry_friction)
+    if any(part.switches for part in scene.elements if part not in smooth):
         raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")
     others = [part.name for part in scene.control if part.samples is not None and part not in scene.drives]
     if others:
         raise InputError(f"{scene.source}: control '{others[0]}' is sampled, and is not part of a drive; remove it")
 
 
-def without_losses(drive: Drive) -> Drive:
-    """A drive without dry friction, which holds its posture."""
+def smooth_scene(scene: Scene) -> Scene:
+    """The scene without outputs and events, dry friction, brakes and rigid stops; its drives hold their posture."""
+    forces: list[Force] = []
+    for part in scene.forces:
+        if isinstance(part, DryFriction):
+            if part.viscous:
+                forces.append(Damper(part.name, part.place, part.joint, part.viscous))
+        elif not isinstance(part, JointStop):
+            forces.append(part)
+    control = tuple(_without_losses(part) if isinstance(part, Drive) else part for part in scene.control)
+    return replace(scene, forces=tuple(forces), control=control, outputs={}, events=())
+
+
+def _without_losses(drive: Drive) -> Drive:
     loss = {**drive.loss, "coulomb": 0.0, "static": 0.0}
     closed = {"efficiency": 1.0, "back_efficiency": 1.0, "backlash": 0.0}
     gear = {**drive.gear, **closed} if drive.is_elastic else drive.gear

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.drive_loops import DriveEquations, DriveLoop, refuse_nonlinear, without_losses
+from bellcrank.dynamics.drive_loops import DriveEquations, DriveLoop, refuse_nonlinear, smooth_scene
 from bellcrank.elements.controller import Controller
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.parameters import Parameter
@@ -48,10 +48,9 @@ def tuned(scene: Scene) -> Scene:
     if not wanted:
         return scene
     refuse_nonlinear(scene)
-    smooth = tuple(without_losses(part) if part in scene.drives else part for part in scene.control)
     places = [f"control.{d.name}.servo.{loop}.{key}" for d in wanted for loop, key in _gains_of(d)]
     own = {f"gain {k}": Parameter(f"gain {k}", 1.0, "", (place,), ()) for k, place in enumerate(places)}
-    bare = replace(scene, control=smooth, parameters={**scene.parameters, **own}, outputs={}, events=())
+    bare = replace(smooth_scene(scene), parameters={**scene.parameters, **own})
     position = consistent_start(scene)[0]
     equations = DriveEquations(bare, np.zeros(1), position)
     inertia = {d.name: equations.inertia_at_rotor(d) for d in wanted}
