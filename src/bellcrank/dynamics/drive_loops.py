@@ -326,6 +326,11 @@ class DriveLoop:
         if not every:
             return 0.0, []
         longest = max(period for period, _ in every)
+        if sum(longest / period for period, _ in every) > MOST_INSTANTS:
+            raise InputError(
+                f"{self.equations.scene.source}: drives take more than {MOST_INSTANTS} samples in {longest:g} s, the "
+                "longest sample time; choose sample times that are nearer to each other"
+            )
         found = []
         for k, (period, first) in enumerate(every):
             ratio = longest / period
@@ -336,8 +341,6 @@ class DriveLoop:
                 )
             offset = math.fmod(first, period)
             found += [(offset + i * period if offset < period else i * period, k) for i in range(round(ratio))]
-        if len(found) > MOST_INSTANTS:
-            raise InputError(f"{self.equations.scene.source}: more than {MOST_INSTANTS} samples in {longest:g} s")
         return longest, sorted(found, key=lambda each: (round(each[0] / longest, 9), each[1]))
 
     def _at(self, factor: complex) -> _Slopes:
@@ -395,7 +398,10 @@ class DriveLoop:
         if not self._schedule:
             values = np.linalg.eigvals(self._at(factor).field)
             return bool(values.real.max(initial=-1.0) < GROWTH * np.abs(values).max(initial=0.0))
-        return bool(np.abs(np.linalg.eigvals(self.monodromy(factor)[:-1, :-1])).max(initial=0.0) < 1.0 + GROWTH)
+        whole = self.monodromy(factor)[:-1, :-1]
+        if not np.isfinite(whole).all():  # it grows beyond numbers within a period
+            return False
+        return bool(np.abs(np.linalg.eigvals(whole)).max(initial=0.0) < 1.0 + GROWTH)
 
     def border(self, factor: Callable[[float], complex], value: Callable[[float], float]) -> float:
         """The value at the first border of stability for a share from 0 to 1; infinite where there is none."""
