@@ -455,6 +455,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"servo": {"target": 0, "position": {"kp": 1}, "speed": {"kp": 1}, "current": {"kp": 1, "ki": 1}}},
         "has no current",
     ),
+    "samples that would never end": (
+        {"servo": {"target": 0, "position": {"kp": 1}, "speed": {"kp": 1}, "sample_time": 1e-12}},
+        "expected 0, or 1e-07",
+    ),
+    "a ratio whose square is 0": ({"gear": GEAR | {"ratio": 1e-300}, "servo": {"torque": 0}}, "expected a ratio"),
     "a delay without samples": (
         {"servo": {"target": 0, "position": {"kp": 1}, "speed": {"kp": 1}, "delay": 1e-3}}, "give 'sample_time'",
     ),

@@ -218,11 +218,18 @@ class DriveEquations:
         x[2 * nv :] = np.asarray(start(*begin, one, zero, zero, load)).ravel()
         wrong, slope = (np.asarray(m) for m in error(*begin, one, zero, zero, load))
         slope = slope.reshape(count, count)
+        if not (np.isfinite(wrong).all() and np.isfinite(slope).all()):
+            wrong, slope = 0.0 * zero, np.zeros((count, count))
         # integrators hold the posture where the references make the errors 0
         shift = np.linalg.lstsq(slope, -wrong.ravel(), rcond=None)[0] if slope.any() else zero
         x[2 * nv :] = np.asarray(start(*begin, one, shift, zero, load)).ravel()
         self._point = (*begin, zero, shift, zero, load)
-        rates, self.field, _, _, self.inputs, *_ = self._values(one)
+        rates, self.field, _, _, self.inputs, *_ = found = self._values(one)
+        if not all(np.isfinite(each).all() for each in found):
+            raise InputError(
+                f"{self.scene.source}: the linear equations of the drives are not finite; a figure of a motor, gear or "
+                "servo is too large or too small"
+            )
         terms = np.abs(self.field) @ np.abs(x) + np.abs(self.inputs).max(axis=1, initial=0.0)
         moving = np.abs(rates.ravel()[self.varying])
         self.residual = float((moving / np.maximum(terms[self.varying], 1.0)).max(initial=0.0))

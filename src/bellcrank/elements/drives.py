@@ -72,6 +72,7 @@ if TYPE_CHECKING:
 MODELS: Final = ("torque", "dc", "dq")
 LOSS: Final = ("coulomb", "static", "speed", "viscous")
 PER_AMPLITUDE: Final = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis
+LEAST_RATIO: Final = 1e-9  # of a gear, whose square occurs
 LOCKED: Final = 1.01  # of the load: what a self-locking gear holds at least, so that rounding does not set it free
 LEAST_FRICTION: Final = 1e-7  # N m, far above rounding: what a gear with losses by load holds without load
 Numbers = Mapping[str, float]
@@ -648,6 +649,8 @@ def _circuit(entry: Fields, model: str, motor: Motor, conditions: Conditions) ->
 
 def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) -> dict[str, float]:
     ratio = 1.0 if gear.ratio is None else gear.ratio
+    if not LEAST_RATIO <= ratio <= 1.0 / LEAST_RATIO:
+        raise entry.error("model", f"expected a ratio of {LEAST_RATIO:g} to {1.0 / LEAST_RATIO:g}, found {ratio:g}")
     if "elastic" not in entry:
         return {"ratio": ratio}
     elastic = entry.mapping("elastic")

@@ -55,6 +55,7 @@ WEAKENING: Final = (
     0.95  # of the largest voltage: where a field is weakened, the rest is left to the current controllers
 )
 LEAST_SHARE: Final = 0.1  # of the largest voltage, that is left for what the rotation induces at any current
+LONGEST: Final = 1e3  # s
 SHORTEST: Final = 1e-7  # s: no servo samples faster, and a run of millions of samples would not end
 LEAST_SPEED: Final = 1e-9  # rad/s, below which the induced voltage is not looked at
 
@@ -587,8 +588,8 @@ def _samples(read: Fields, model: str) -> tuple[dict[str, float], float, float]:
         whole = number(read, "sample_time", "s", 0.0, NONNEGATIVE)
         given = dict.fromkeys(loops, whole)
     samples = {loop: period for loop, period in given.items() if period > 0.0}
-    if fast := [period for period in samples.values() if period < SHORTEST]:
-        raise read.error("sample_time", f"expected 0, or at least {SHORTEST:g} s, found {fast[0]:g} s")
+    if odd := [period for period in samples.values() if not SHORTEST <= period <= LONGEST]:
+        raise read.error("sample_time", f"expected 0, or {SHORTEST:g} to {LONGEST:g} s, found {odd[0]:g} s")
     delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
     resolution = number(read, "resolution", "rad", 0.0, NONNEGATIVE)
     if delay and not samples:

@@ -93,6 +93,7 @@ class Held {
  private:
   static constexpr double same_instant = 1e-9;  // of its largest speed: a joint that comes to rest with another one
   static constexpr double started = 1e-9;       // rad/s or m/s: a joint of this speed has a direction of motion
+  static constexpr double near_place = 1e-7;    // rad or m, or of the place: where a stop is that has been reached
   static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
   static constexpr double least_time = 1e-10;   // of the time: rebounds that would end sooner are not followed
   static constexpr int few_quick = 3, most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
@@ -313,8 +314,9 @@ class Held {
       } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, slack(j)};
       else if (!modes_.can_move(k, count)) m = {direction, 0, 0, 0};
       else if (slack(j) > 0 && !modes_.moves(k, count)) m = {0, 0, 1, slack(j)};
-      else if ((gives_way && !is_stop(cause)) || modes_.moves(k, count)) m = {direction, 1, 0, 0};
-      else m = {0, 0, 1, 0};
+      else if (modes_.moves(k, count) ? modes_.acceleration[k] * direction > 0 : gives_way && !is_stop(cause))
+        m = {direction, 1, 0, 0};
+      else m = {0, 0, 1, 0};  // also where the load is below the limit by a little more than rounding
       state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
       turned_[h_.switch_count + j] = 1;
     }
@@ -372,7 +374,8 @@ class Held {
   int closed(int j, bool cause, const Turn& f) {
     if (mode(j).holds) return mode(j).direction > 0 ? 1 : -1;
     const double place = state_[h_.mode_places[j]], above = place - f.place_low[j], below = f.place_high[j] - place;
-    if (cause) return above < below ? 1 : -1;
+    // A joint that nearly touches its stop may seem to reach it, between the ends of a step, and does not.
+    if (cause && smaller(above, below) <= near_place * larger(1, std::fabs(place))) return above < below ? 1 : -1;
     return above <= same_place ? 1 : below <= same_place ? -1 : 0;
   }
 

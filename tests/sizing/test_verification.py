@@ -1,0 +1,109 @@
+"""Chosen drives simulated along their motions: what is measured, limits on it, and one answer of all commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import bellcrank as bc
+from bellcrank.cli import main
+
+DRIVE = {
+    "model": "dc",
+    "elastic": {"damping": 5, "backlash": 0},
+    "servo": {"motion": "lift_and_return", "gains": "auto", "sample_time": 1e-3, "delay": 1e-4},
+}
+
+
+@pytest.fixture(scope="module")
+def chosen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of a selection, without a drive in the loop."""
+    return bc.select("geared_pendulum").write_config(tmp_path_factory.mktemp("chosen") / "axis.yaml")
+
+
+def with_drive(chosen: Path) -> Path:
+    """The same file with a drive."""
+    data = yaml.safe_load(chosen.read_text())
+    data["actuators"]["shoulder"] |= DRIVE
+    path = chosen.with_name("drive.yaml")
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_all_commands_that_judge_give_one_answer_with_and_without_a_drive_in_the_loop(chosen: Path) -> None:
+    driven, motion = with_drive(chosen), "lift_and_return"
+    assert bc.judge(driven).as_dict()["drives"] == bc.judge(chosen).as_dict()["drives"]
+    for find in (
+        lambda path: bc.time_optimal(path, motion).motion.duration,
+        lambda path: bc.speed_factor(path, motion).factor,
+        lambda path: bc.size(path).joint("shoulder").peak_torque,
+    ):
+        assert find(driven) == pytest.approx(find(chosen), rel=1e-14)
+    (with_it,), (without,) = bc.select(driven).axes, bc.select(chosen).axes
+    assert (with_it.chosen.motor.id, with_it.chosen.gear.id) == (without.chosen.motor.id, without.chosen.gear.id)
+
+
+def test_a_selection_is_followed_with_a_servo_that_is_taken_for_it(chosen: Path) -> None:
+    selection = bc.select("geared_pendulum")
+    found, of_file = bc.verify_selection(selection), bc.verify_selection(chosen)
+    assert found.axes == of_file.axes
+    assert found.kept and "the file describes no drive of shoulder" in found.warnings[0]
+    assert any("the gear is rigid, its losses by load, its stiffness, its backlash" in text for text in found.warnings)
+
+
+def test_what_is_measured_is_what_the_run_has(chosen: Path) -> None:
+    path = with_drive(chosen)
+    found = bc.verify_selection(path, settle=0.25, limits={"tracking_error": 1e-6, "settling_time": 10.0})
+    scene = bc.load_scene(path, {"initial": {"motion": "lift_and_return"}})
+    run = bc.simulate(scene, duration=4.25, samples=8501)
+    columns = [label.removeprefix("drive_shoulder ") for label in scene.outputs["drive_shoulder"].labels]
+    values = dict(zip(columns, run.outputs["drive_shoulder"].T, strict=True))
+    (axis,) = found.axes
+    assert axis.tracking_error == pytest.approx(np.abs(values["tracking error [rad]"]).max(), rel=1e-9)
+    assert axis.current == pytest.approx(np.abs(values["current [A]"]).max(), rel=1e-9)
+    assert axis.voltage == pytest.approx(np.abs(values["voltage [V]"]).max(), rel=1e-9)
+    assert axis.stuck == pytest.approx(np.diff(run.stuck("shoulder rotor"), axis=1).sum(), rel=1e-9)
+    assert found.tool_errors["lift_and_return"] == pytest.approx(0.5 * axis.tracking_error, rel=1e-4)
+    assert not found.kept and "tracking error" in found.exceeded[0] and len(found.exceeded) == 1
+    assert found.drives[0].stable
+
+
+def test_unknown_limits_motions_and_frames_and_commands_are_refused(chosen: Path) -> None:
+    path = with_drive(chosen)
+    for given, words in (
+        ({"limits": {"error": 1.0}}, "unknown limit 'error'"),
+        ({"motions": "fly"}, "unknown motion 'fly'"),
+        ({"frame": "hand"}, "unknown frame 'hand'"),
+        ({"overrides": {"actuators.shoulder.servo": {"voltage": 1}}}, "follows no motion"),
+    ):
+        with pytest.raises(bc.InputError, match=words):
+            bc.verify_selection(path, **given)  # type: ignore[arg-type]
+    with pytest.raises(bc.InputError, match="there is no motion to follow"):
+        bc.verify_selection("pendulum")
+
+
+def test_judge_simulates_on_request_and_its_exit_code_says_whether_limits_are_kept(
+    chosen: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path, out = str(with_drive(chosen)), tmp_path / "judge.json"
+    for limit, code in (("0.01", 0), ("1e-6", 1)):
+        given = [
+            "judge",
+            path,
+            "--simulate",
+            "--limit",
+            f"tracking_error={limit}",
+            "--accept-unknown",
+            "--out",
+            str(out),
+        ]
+        assert main(given) == code
+        assert ("EXCEEDED" in capsys.readouterr().out) is (code == 1)
+    told = json.loads((tmp_path / "judge_simulated.json").read_text())
+    assert told["kept"] is False and told["axes"][0]["joint"] == "shoulder"
+    assert main(["judge", path, "--limit", "tracking_error=1"]) == 2
+    assert "add --simulate" in capsys.readouterr().err
