@@ -43,7 +43,11 @@ def test_all_commands_that_judge_give_one_answer_with_and_without_a_drive_in_the
         lambda path: bc.size(path).joint("shoulder").peak_torque,
     ):
         assert find(driven) == pytest.approx(find(chosen), rel=1e-14)
-    (with_it,), (without,) = bc.select(driven).axes, bc.select(chosen).axes
+
+
+@pytest.mark.tier2
+def test_the_selection_is_the_same_with_and_without_a_drive_in_the_loop(chosen: Path) -> None:
+    (with_it,), (without,) = bc.select(with_drive(chosen)).axes, bc.select(chosen).axes
     assert (with_it.chosen.motor.id, with_it.chosen.gear.id) == (without.chosen.motor.id, without.chosen.gear.id)
 
 
