@@ -387,7 +387,13 @@ def test_momentum_is_pinocchios_moved_to_the_worlds_origin(folder):
         kinetic, potential = casadi.vertsplit(s.algorithm("energy")(s.q, s.v, s.tracer_parameters))
         none = casadi.SX(robot.nv, 1)
         equations = EquationSymbols(
-            symbols=s, acceleration=none, joint_torque=none, kinetic=kinetic, potential=potential, reactions=None
+            symbols=s,
+            acceleration=none,
+            joint_torque=none,
+            kinetic=kinetic,
+            potential=potential,
+            reactions=None,
+            work=none,
         )
         return casadi.vertcat(*[output.value(equations) for output in scene.outputs.values()])
 
