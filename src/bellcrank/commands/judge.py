@@ -114,7 +114,7 @@ def _simulated(arguments: argparse.Namespace, limits: dict[str, float]) -> bool:
     found = verify_selection(
         arguments.robot,
         arguments.motion or None,
-        settle=number_option("--settle", arguments.settle, "s", least=0.0) or 0.0,
+        settle=number_option("--settle", arguments.settle, "s", least=0.0, most=1e6) or 0.0,
         frame=arguments.frame,
         limits=limits,
         overrides=dict(parse_assignment(text) for text in arguments.changes) or None,

@@ -292,19 +292,23 @@ class Servo:
         errors = self._current_errors(drive, symbols)
         commands = self._voltages(drive, symbols, errors, integrators)
         voltages = drive.within_voltage(commands)
-        rates = self._current_rates(drive, symbols, errors, commands, voltages)
         period = self.samples["current"]
+        rates = self._current_rates(drive, symbols, errors, commands, voltages, 1.0 / period)
         return self._queued(
             "current", values, [w + period * rate for w, rate in zip(integrators, rates, strict=True)], voltages
         )
 
     def _current_rates(
         self, drive: Drive, symbols: Symbols, errors: list[casadi.SX], commands: list[casadi.SX],
-        voltages: list[casadi.SX],
+        voltages: list[casadi.SX], fastest: float = math.inf,
     ) -> list[casadi.SX]:  # fmt: skip
-        """The rates of the integrators, led back as fast as the winding's current follows the voltage."""
+        """The rates of the integrators, led back as fast as the current follows the voltage, or as samples are."""
+        import casadi
+
         ki = drive.value(symbols, "servo.current.ki")
         back = drive.value(symbols, "circuit.resistance") / drive.value(symbols, "circuit.inductance")
+        if math.isfinite(fastest):
+            back = casadi.fmin(back, fastest)
         return [
             ki * error + back * (voltage - command)
             for error, command, voltage in zip(errors, commands, voltages, strict=True)

@@ -283,6 +283,7 @@ def state_layout(scene: Scene) -> StateLayout:
         joints=[(j.q, j.nq, j.v, j.nv) for j in scene.robot.joints] if not system.nz else (),
         unit_parts=[(part.start, part.stop - part.start) for part in unit_vectors(scene.robot.joints)],
         weights=coordinate_weights(scene) if scene.constraints else None,
+        mixed=system.nz > 0,
     )
 
 

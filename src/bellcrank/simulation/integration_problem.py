@@ -67,6 +67,7 @@ class StateLayout:
         joints: (first of q, their number, first of v, their number) of each joint, ascending, where q' of a joint
             depends on its own q and v alone and no rate depends on what follows v; empty: not known.
         weights: 1 over the characteristic size of each position (nq,), for corrections; None: all are 1.
+        mixed: Whether there are states beside positions and velocities among those that the error control looks at.
     """
 
     norm_size: int
@@ -74,6 +75,7 @@ class StateLayout:
     unit_parts: Sequence[tuple[int, int]] = ()
     joints: Sequence[tuple[int, int, int, int]] = ()
     weights: Array | None = None
+    mixed: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

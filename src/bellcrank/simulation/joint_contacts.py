@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+AT_LIMIT = 1.0 - 1e-9  # of a drive's command: what a sampled servo holds is cut off at its limit
 SHOWN = 4  # intervals or impacts of a joint in a summary
 
 
@@ -41,11 +42,11 @@ def drive_columns(run: Trajectory, drive: Drive) -> dict[str, Array]:
 
 
 def saturated_intervals(run: Trajectory, drive: Drive) -> Array:
-    """Beginnings and ends (n, 2), s, of the intervals of rows in which the command of a drive is above its limit."""
+    """Beginnings and ends (n, 2), s, of the intervals of rows in which the command of a drive is at or above its limit."""
     found = drive_columns(run, drive).get("command over limit")
     if found is None:
         return np.zeros((0, 2))
-    over = found > 1.0
+    over = found >= AT_LIMIT
     padded = np.concatenate([[False], over, [False]])
     edges = np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
     return np.column_stack([run.time[edges[:, 0]], run.time[edges[:, 1] - 1]])

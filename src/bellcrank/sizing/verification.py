@@ -26,7 +26,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.joint_contacts import drive_columns
+from bellcrank.simulation.joint_contacts import AT_LIMIT, drive_columns
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.text_tables import TableContent, text_table
@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s
 LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", "command_over_limit": "",
                  "winding_temperature": "°C"}  # fmt: skip
+LONGEST_REST = 1e6  # s
 BAND: Final = {"rad": 1e-3, "m": 1e-4}  # within which a joint has settled
 
 
@@ -52,7 +53,7 @@ class FollowedAxis:
         tracking_error: Largest |reference − position|.
         settling_time: From the end of the motion until the error stays within the band, s; infinite where it does not.
         command_over_limit: Largest command over the limit of torque or voltage; None where no limit is known.
-        time_at_limit: How long the command is above it, s.
+        time_at_limit: How long the command is at or above it, s.
         motor_torque: Root of the mean square of the electrical torque, N m.
         current: Largest, A, and `voltage`, V; None for `model: torque`.
         stuck: How long friction holds the rotor, s.
@@ -270,7 +271,7 @@ def verify_selection(
         >>> found.kept, round(found.axes[0].tracking_error, 5)
         (True, 0.00182)
     """
-    rest = arguments.number("settle", settle, "s", least=0.0)
+    rest = arguments.number("settle", settle, "s", least=0.0, most=LONGEST_REST)
     given_limits = _checked_limits(limits)
     period = arguments.number("sample_time", sample_time, "s", least=0.0)
     if not period > 0.0:
@@ -435,7 +436,7 @@ def _followed(run: Trajectory, drive: Drive, motion: str) -> FollowedAxis:
         tracking_error=float(error.max()),
         settling_time=settled,
         command_over_limit=None if over is None else float(over.max()),
-        time_at_limit=0.0 if over is None else float(step[over > 1.0].sum()),
+        time_at_limit=0.0 if over is None else float(step[over >= AT_LIMIT].sum()),
         motor_torque=_root_mean_square(run.time, torque),
         current=_largest(columns.get("current")),
         voltage=_largest(columns.get("voltage")),

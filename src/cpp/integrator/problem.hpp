@@ -78,6 +78,7 @@ struct Problem {
   const JointBlock* joints;  // the blocks of q and v, one a joint, in ascending order and without gaps; or 0
   int joint_count;
   int n, norm_size, lanes;
+  bool mixed;  // there are states beside positions and velocities, before what norm_size leaves out
   double t0, t1;
   const double *x0, *p;
   double rtol, atol, step, first_step, max_step;

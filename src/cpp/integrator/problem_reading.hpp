@@ -162,7 +162,7 @@ struct ProblemReading {
 
   void read_layout(nb::handle layout) {
     plain.norm_size = get<int>(layout, "norm_size"), plain.nq = get<int>(layout, "nq");
-    plain.nv = plain.norm_size - plain.nq;
+    plain.nv = plain.norm_size - plain.nq, plain.mixed = get<bool>(layout, "mixed");
     require(plain.n > 0 && plain.norm_size > 0 && plain.norm_size <= plain.n,
             "integrate: norm_size must be between 1 and the number of states");
     require(plain.nq >= 0 && plain.nq <= plain.norm_size, "integrate: nq must be between 0 and norm_size");

@@ -16,7 +16,7 @@ namespace bellcrank {
 namespace BELLCRANK_ISA {
 
 // Whether the equations are taken as of first order: there are no positions, or states beside positions and velocities.
-inline bool first_order(const Problem& p) { return p.nq == 0 || !p.joint_count; }
+inline bool first_order(const Problem& p) { return p.nq == 0 || p.mixed; }
 
 // Sums of squares of the entries of positions and velocities; of all entries in both of equations of first order.
 struct SquareSums {
