@@ -42,7 +42,7 @@ def drive_columns(run: Trajectory, drive: Drive) -> dict[str, Array]:
 
 
 def saturated_intervals(run: Trajectory, drive: Drive) -> Array:
-    """Beginnings and ends (n, 2), s, of the intervals of rows in which the command of a drive is at or above its limit."""
+    """Beginnings and ends (n, 2), s, of the intervals of rows in which a drive is at or above its limit."""
     found = drive_columns(run, drive).get("command over limit")
     if found is None:
         return np.zeros((0, 2))
