@@ -70,13 +70,31 @@ def between(run: Trajectory) -> Callable[[Array], Trajectory]:
     """A function that gives the run at other times (m,) s; no jump may lie between a time and the rows beside it."""
     smooth = smooth_between(run.robot.joints, run.time, run.position, run.velocity, run.acceleration)
     nq, nv = run.robot.nq, run.robot.nv
+    own = slice(nq + nv, nq + nv + system_of(run.scene).nz)
+    auxiliary = None
+    if system_of(run.scene).nz:
+        auxiliary = _hermite(run.time, run.state[:, own], _rate(run, run.time, run.state)[:, own])
 
     def at(times: Array) -> Trajectory:
         state = np.zeros((len(times), run.state.shape[1]))
         state[:, :nq], state[:, nq : nq + nv] = smooth(times)
-        for k in range(nq + nv, nq + nv + system_of(run.scene).nz):
-            state[:, k] = np.interp(times, run.time, run.state[:, k])
+        if auxiliary is not None:
+            state[:, own] = auxiliary(times)
         return replace(run, time=times, state=_with_work(run, times, state))
+
+    return at
+
+
+def _hermite(time: Array, value: Array, rate: Array) -> Callable[[Array], Array]:
+    """Values (m, nz) at times (m,) s by cubic polynomials with the values and rates (n, nz) of the rows."""
+    rise = np.diff(value, axis=0)
+
+    def at(times: Array) -> Array:
+        row = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
+        step = time[row + 1] - time[row]
+        s = ((times - time[row]) / step)[:, None]
+        begin, end = step[:, None] * rate[row] - rise[row], step[:, None] * rate[row + 1] - rise[row]
+        return np.asarray(value[row] + s * (rise[row] + (1.0 - s) * ((1.0 - s) * begin - s * end)))
 
     return at
 
