@@ -177,7 +177,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         p = casadi.vertcat(p, sizes, share)
         acceleration = solution.proximal.acceleration
         if held_parts:
-            solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s), z_rate)
+            solution, held = _with_stuck_joints(solution, _stuck_joints(scene, s, gains), s.v, z_rate)
             acceleration = solution.proximal.acceleration
         reaction = constraints.jacobian.T @ solution.proximal.multipliers
         plain_power = power + constraints.power(solution.plain.multipliers)
@@ -185,18 +185,18 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
     else:
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
         if held_parts:
-            joints = _stuck_joints(scene, s)
+            joints = _stuck_joints(scene, s, gains)
             of_joints = [row for row in joints.rows if row < robot.nv]
             response = joints.responses(casadi.horzsplit(s.response(of_joints)) if of_joints else [], robot.nv)
             inertia = joints.inertias(casadi.diag(mass_matrix(s)))
             before = casadi.vertcat(acceleration, z_rate)
-            forces = joints.forces(before, response, inertia, regular=True)
+            forces = joints.forces(joints.accelerations(before), response, inertia, regular=True)
             acceleration, rates = _parted(joints.at_rest(before + response @ forces), robot.nv)
             held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), rates)
-    for k, part in enumerate(held_parts):
+    for k, part in enumerate(held_parts[: held.forces.numel()]):
         s.holding[part.name] = held.forces[k]
         if part.rotor is None:
-            passive += s.joint_force(part.joint.v, held.forces[k])
+            passive += part.along(s, held.forces[k])
     torque = actuator + passive
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # an independent check of the accelerations: recursive Newton-Euler must give back the torque
@@ -266,52 +266,53 @@ def _parted(both: casadi.SX, nv: int) -> tuple[casadi.SX, casadi.SX]:
     return first, second
 
 
-def _stuck_joints(scene: Scene, s: Symbols) -> StuckJoints:
+def _stuck_joints(scene: Scene, s: Symbols, gains: casadi.SX) -> StuckJoints:
     """The dry friction and stops of a scene's joints, in a run. Raises InputError outside of one."""
     parts = scene.parts_with_modes
     if not s.held_sides:
         raise InputError(
-            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a "
+            f"{scene.source}: {parts[0].place.path}: a joint that sticks or meets a "
             "stop has no equations of motion without what a run holds; remove it, or give it a smoothed friction "
             "(forces, kind: friction)"
         )
-    return StuckJoints.of(parts, s)
+    return StuckJoints.of(parts, s, 2.0 * gains[0] if gains.numel() else s.zero)
 
 
 def _with_stuck_joints(
-    solution: ConstrainedSolution, joints: StuckJoints, z_rate: casadi.SX
+    solution: ConstrainedSolution, joints: StuckJoints, v: casadi.SX, z_rate: casadi.SX
 ) -> tuple[ConstrainedSolution, _Held]:
     """Solved constraints with the forces at stuck joints, by both ways of solving them."""
     import casadi
 
     nv, m = solution.mass.size1(), solution.plain_factor.m
-    own = [k for k, row in enumerate(joints.rows) if row < nv]
-    unit = [casadi.SX(casadi.DM.eye(nv)[:, joints.rows[k]]) for k in own]
+    units = joints.unit_forces(nv)
     none, inertia = casadi.SX(m, 1), joints.inertias(casadi.diag(solution.mass))
-    place = casadi.SX(casadi.DM.eye(len(joints.rows)))[:, own]  # of the joints among all that have modes
+    own = [k for k in range(joints.count) if k not in joints.rotors]
+    place = casadi.SX(casadi.DM.eye(joints.count))[:, own]  # of joints and pins among all that have forces
 
     def held(
         found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]
     ) -> tuple[KktSolution, casadi.SX, casadi.SX]:
         response = joints.responses([a for a, _ in responses], nv)
         before = casadi.vertcat(found.acceleration, z_rate)
-        forces = joints.forces(before, response, inertia, regular=False)
-        acceleration, rates = _parted(joints.at_rest(before + response @ forces), nv)
+        forces = joints.forces(joints.accelerations(before), response, inertia, regular=False)
+        acceleration, rates = _parted(joints.at_rest(before + response[:, : joints.count] @ forces), nv)
+        reactions = casadi.horzcat(casadi.SX(m, 0), *[r for _, r in responses[: len(own)]])
         return (
             KktSolution(
                 acceleration,
-                found.multipliers + casadi.horzcat(casadi.SX(m, 0), *[r for _, r in responses]) @ (place.T @ forces),
+                found.multipliers + reactions @ (place.T @ forces),
                 joints.at_rest(found.displacement),
-                joints.at_rest(found.velocity_change),
+                joints.pins_at_rest(found.velocity_change, v, response, inertia),
             ),
             forces,
             rates,
         )
 
-    regular = [proximal(solution.proximal_factor, e, none, REFINEMENTS) for e in unit]
-    plain, _, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in unit])
+    regular = [proximal(solution.proximal_factor, e, none, REFINEMENTS) for e in units]
+    plain, _, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in units])
     slow, forces, rates = held(solution.proximal, regular)
-    quick = casadi.horzcat(casadi.SX(m, 0), *[solution.proximal_factor.solve(e, none)[1] for e in unit])
+    quick = casadi.horzcat(casadi.SX(m, 0), *[solution.proximal_factor.solve(e, none)[1] for e in units[: len(own)]])
     before = casadi.vertcat(solution.proximal.acceleration, z_rate)
     turn = joints.turn(before, joints.responses([a for a, _ in regular], nv), inertia)
     quick_multipliers = solution.event_multipliers + quick @ (place.T @ forces)

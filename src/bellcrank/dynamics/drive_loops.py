@@ -28,7 +28,7 @@ from bellcrank.dynamics.assembly import assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.elements.drives import Drive
-from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.joint_forces import Damper
@@ -124,7 +124,7 @@ def smooth_scene(scene: Scene) -> Scene:
     """The scene without outputs and events, dry friction, brakes and rigid stops; its drives hold their posture."""
     forces: list[Force] = []
     for part in scene.forces:
-        if isinstance(part, DryFriction):
+        if isinstance(part, JointDryFriction):
             if part.viscous:
                 forces.append(Damper(part.name, part.place, part.joint, part.viscous))
         elif not isinstance(part, JointStop):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
-from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce
@@ -173,7 +173,7 @@ def joint_frictions(mechanism: Mechanism) -> list[JointFriction]:
                 set_by.get(f"force.{force.name}.{key}", getattr(force, key)) for key in Friction.NUMBERS
             )
             found.append(JointFriction(force.joint.v, float(viscous), float(coulomb), float(width)))
-        if isinstance(force, DryFriction):
+        if isinstance(force, JointDryFriction):
             viscous, static = (
                 set_by.get(f"force.{force.name}.{key}", force.number(key)) for key in ("viscous", force.at_rest)
             )

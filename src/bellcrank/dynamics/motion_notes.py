@@ -11,10 +11,12 @@ import numpy as np
 
 from bellcrank.dynamics.path_geometry import path_notes
 from bellcrank.elements.drives import Drive
+from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
+from bellcrank.elements.pin_friction import PinFriction
 from bellcrank.robot.joints import quaternion_part
 
 if TYPE_CHECKING:
@@ -46,8 +48,14 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
                 f"model, elastic, rotor_friction and servo of actuators ({', '.join(drives)}) act in simulations only: "
                 "motors are judged as if joints followed the motion exactly"
             )
-        if brakes := [part.joint.name for part in mechanism.scene.dry_friction if part.engaged is not None]:
+        if brakes := [
+            part.held
+            for part in mechanism.scene.forces
+            if isinstance(part, JointDryFriction) and part.engaged is not None
+        ]:
             found.append(f"brakes ({', '.join(brakes)}) are taken as released: the motion is given")
+        if pins := [part.held for part in mechanism.scene.forces if isinstance(part, PinFriction)]:
+            found.append(f"friction of pins ({', '.join(pins)}) acts while they move; at instants of rest it is taken as 0")
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
         if stops:
             found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")

@@ -1,14 +1,16 @@
 """The forces of joints that dry friction or a stop keeps at rest, and what a run needs to find which those are.
 
 Forces x of dry friction and stops change the accelerations to v̇ + C x, C being the response to unit forces,
-constraints included. With S = diag(1 for joints that hold, else 0) and A the rows of C at these joints, they stay at
-rest with
+constraints included. The velocities of the joints are w = G v: rows of v, or those of pins of loops. With
+S = diag(1 for joints that hold, else 0) and A = G C, they stay at rest with
 
-    (S A S + 1 − S) x = −S v̇.
+    (S A S + 1 − S) x = −S (G v̇ + Ġ v).
 
 A is symmetric and, where the joints move freely of each other, positive definite. Near postures where constraints make
 those that hold depend on each other, a small multiple of 1 is added and its effect taken away again by repeated solves
 (kkt.py). Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts (1996), ch. 5.
+
+Other joints of a linkage that is held exert no force, and are at rest exactly (`RestingJoint`).
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import REFINEMENTS, REGULARISATION
-from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
 from bellcrank.elements.joint_stops import JointStop
 
 if TYPE_CHECKING:
@@ -34,26 +37,31 @@ FAR = 1e300  # rad or m: an end that is not there
 
 @dataclass(frozen=True)
 class StuckJoints:
-    """The dry friction and the stops of a scene's joints (n) as expressions.
+    """The dry friction and the stops of a scene's joints as expressions: n with forces, of m with modes.
 
     Attributes:
-        rows: The rows of their velocities in v and the auxiliary states after it.
-        rotors: The inertia of a rotor of its own, by its place among them; the others are joints.
+        rows: The rows of their velocities in v and the auxiliary states after it; −1 for pins of loops.
+        rotors: The inertia of a rotor of its own, by its place among them; the others are joints or pins.
+        ways: G (1, nv) of the pins, and `drifts` Ġ v, by their places.
         width: The number of velocities and auxiliary states.
+        count: n, those with forces, which are the first.
         direction: 1 forwards, −1 backwards, of joints that slide or are at their largest friction; 1 at a lower and −1
-            at an upper stop (n).
-        moves: 1 for joints that slide, or that a stop does not hold, else 0 (n).
-        holds: 1 for joints that the force keeps at rest, else 0 (n).
-        velocity: rad/s or m/s (n).
-        least: The least and `most` the largest force at rest (n), N m or N.
-        sliding: The force of the others (n); 0 for those that hold, and of stops.
-        lasting: Functions (n) of x that are positive while the modes last.
-        ends: Lower and upper end and restitution (n, 3); 0 for dry friction.
+            at an upper stop (m).
+        moves: 1 for joints that slide, or that a stop does not hold, else 0 (m).
+        holds: 1 for joints that the force keeps at rest, else 0 (m).
+        velocity: rad/s or m/s (m).
+        least: The least and `most` the largest force at rest (m), N m or N.
+        sliding: The force of the others (m); 0 for those that hold, and of stops.
+        lasting: Functions (m) of x that are positive while the modes last.
+        ends: Lower and upper end and restitution (m, 3); 0 for dry friction.
     """
 
     rows: tuple[int, ...]
     rotors: dict[int, casadi.SX]
+    ways: dict[int, casadi.SX]
+    drifts: dict[int, casadi.SX]
     width: int
+    count: int
     direction: casadi.SX
     moves: casadi.SX
     holds: casadi.SX
@@ -65,21 +73,22 @@ class StuckJoints:
     ends: casadi.SX
 
     @classmethod
-    def of(cls, parts: Sequence[DryFriction | JointStop], s: Symbols) -> StuckJoints:
-        """Those of a scene, in a run."""
+    def of(cls, parts: Sequence[DryFriction | JointStop | RestingJoint], s: Symbols, damping: casadi.SX) -> StuckJoints:
+        """Those of a scene, in a run. `damping` (1/s) times a velocity is added to the acceleration of a pin at rest."""
         import casadi
 
         modes = [casadi.vertsplit(s.signal(part.mode)) for part in parts]
         direction, moves, holds, _ = (casadi.vertcat(*column) for column in zip(*modes, strict=True))
-        found = [
-            _stop(part, mode, s) if isinstance(part, JointStop) else _friction(part, mode, s)
-            for part, mode in zip(parts, modes, strict=True)
-        ]
+        found = [_part(part, mode, s) for part, mode in zip(parts, modes, strict=True)]
         shafts = [part.shaft(s) for part in parts]
+        pins = {k: shaft.velocity for k, shaft in enumerate(shafts) if shaft.row < 0}
         return cls(
             tuple(shaft.row for shaft in shafts),
             {k: shaft.inertia for k, shaft in enumerate(shafts) if shaft.inertia is not None},
+            {k: casadi.jacobian(velocity, s.v) for k, velocity in pins.items()},
+            {k: time_derivative(velocity, s) + damping * velocity for k, velocity in pins.items()},
             s.robot.nv + s.z.numel(),
+            sum(not isinstance(part, RestingJoint) for part in parts),
             direction,
             moves,
             holds,
@@ -91,39 +100,70 @@ class StuckJoints:
             casadi.vertcat(*[each.ends for each in found]),
         )
 
-    def responses(self, of_joints: Sequence[casadi.SX], nv: int) -> casadi.SX:
-        """C (width, n) from the accelerations (nv) by unit forces at the joints among them, in their order."""
+    def unit_forces(self, nv: int) -> list[casadi.SX]:
+        """The generalised forces (nv) of unit forces at those that are not rotors, in their order."""
         import casadi
 
-        found, joints = [], iter(of_joints)
+        places = [k for k in range(len(self.rows)) if k not in self.rotors]
+        return [self.ways[k].T if k in self.ways else casadi.SX(casadi.DM.eye(nv)[:, self.rows[k]]) for k in places]
+
+    def responses(self, of_robot: Sequence[casadi.SX], nv: int) -> casadi.SX:
+        """C (width, m) from the accelerations (nv) by `unit_forces`."""
+        import casadi
+
+        found, others = [], iter(of_robot)
         for k, row in enumerate(self.rows):
             column = casadi.SX(self.width, 1)
             if k in self.rotors:
                 column[row] = 1.0 / self.rotors[k]
             else:
-                column[:nv] = next(joints)
+                column[:nv] = next(others)
             found.append(column)
         return casadi.horzcat(*found)
 
     def inertias(self, diagonal: casadi.SX) -> casadi.SX:
-        """The own inertias (n) of rotors, and of joints from the diagonal of M (nv)."""
+        """The own inertias (m) of rotors, and those of joints and pins by the diagonal of M (nv)."""
+        import casadi
+
+        found = []
+        for k, row in enumerate(self.rows):
+            if k in self.ways:
+                way = casadi.densify(self.ways[k].T)
+                found.append(1.0 / (casadi.sum1(way * way / diagonal) + 1.0 / FAR))
+            else:
+                found.append(self.rotors[k] if k in self.rotors else diagonal[row])
+        return casadi.vertcat(*found)
+
+    def entries(self, vector: casadi.SX) -> casadi.SX:
+        """G applied to velocities or a response (width, …): (m, …)."""
         import casadi
 
         return casadi.vertcat(
-            *[self.rotors[k] if k in self.rotors else diagonal[row] for k, row in enumerate(self.rows)]
-        )
+            *[self.ways[k] @ vector[: self.ways[k].size2(), :] if k in self.ways else vector[row, :]
+              for k, row in enumerate(self.rows)]
+        )  # fmt: skip
 
-    def forces(self, acceleration: casadi.SX, response: casadi.SX, inertia: casadi.SX, *, regular: bool) -> casadi.SX:
-        """x (n) of accelerations (width) without it, the response C (width, n), and the own inertias (n).
+    def accelerations(self, vector: casadi.SX) -> casadi.SX:
+        """G v̇ + Ġ v (m) of accelerations (width)."""
+        import casadi
+
+        found = casadi.SX(self.entries(vector))
+        for k, drift in self.drifts.items():
+            found[k] += drift
+        return found
+
+    def forces(self, rates: casadi.SX, response: casadi.SX, inertia: casadi.SX, *, regular: bool) -> casadi.SX:
+        """x (n) that takes what rates (m) hold to 0, by the response C (width, m) and the own inertias (m).
 
         `regular`: the joints move freely of each other.
         """
         import casadi
 
-        rows, count = list(self.rows), len(self.rows)
-        masked = casadi.diag(self.holds * casadi.sqrt(inertia))
-        matrix = masked @ response[rows, :] @ masked + casadi.diag(1.0 - self.holds)
-        right = -(masked @ entries(acceleration, rows))
+        count = self.count
+        masked = casadi.diag(self.holds[:count] * casadi.sqrt(inertia[:count]))
+        coupling = self.entries(response[:, :count])[:count, :]
+        matrix = masked @ coupling @ masked + casadi.diag(1.0 - self.holds[:count])
+        right = -(masked @ rates[:count])
         if regular:
             return masked @ _solved(matrix, right)
         factored = matrix + REGULARISATION * casadi.SX.eye(count)
@@ -138,26 +178,41 @@ class StuckJoints:
 
         found = casadi.SX(vector)
         for k, row in enumerate(self.rows):
-            if row < found.numel():
+            if 0 <= row < found.numel():
                 found[row] = self.moves[k] * found[row]
         return found
 
-    def switches(self, x: casadi.SX) -> casadi.SX:
-        """Functions (n) that are positive while the modes last."""
+    def pins_at_rest(self, change: casadi.SX, velocity: casadi.SX, response: casadi.SX, inertia: casadi.SX) -> casadi.SX:
+        """A change (nv) of the velocity (nv) after which pins that hold have none."""
         import casadi
 
-        return casadi.vertcat(*[lasts(x[k]) for k, lasts in enumerate(self.lasting)])
+        change = self.at_rest(change)
+        if not self.ways:
+            return change
+        rest = casadi.SX(self.width - change.numel(), 1)
+        rates = self.entries(casadi.vertcat(velocity + change, rest))
+        more = response[:, : self.count] @ self.forces(rates, response, inertia, regular=False)
+        return self.at_rest(change + more[: change.numel()])
+
+    def switches(self, x: casadi.SX) -> casadi.SX:
+        """Functions (m) that are positive while the modes last."""
+        import casadi
+
+        every = casadi.vertcat(x, casadi.SX(len(self.lasting) - self.count, 1))
+        return casadi.vertcat(*[lasts(every[k]) for k, lasts in enumerate(self.lasting)])
 
     def turn(self, acceleration: casadi.SX, response: casadi.SX, inertia: casadi.SX) -> casadi.SX:
-        """What a run needs to find new modes: velocity (n), acceleration without the forces x (n), C column after
-        column, least and largest force at rest (n), the forces of the joints that do not hold (n), lower and upper end
-        and restitution of stops (n), and the joints' own inertias (n).
+        """What a run needs to find new modes: velocity (m), acceleration without the forces x (m), C column after
+        column, G C likewise, least and largest force at rest (m), the forces of the joints that do not hold (m), lower
+        and upper end and restitution of stops (m), and the joints' own inertias (m).
         """
         import casadi
 
-        columns = casadi.vec(casadi.densify(response))
+        columns = casadi.vertcat(
+            casadi.vec(casadi.densify(response)), casadi.vec(casadi.densify(self.entries(response)))
+        )
         forces = casadi.vertcat(self.least, self.most, self.sliding)
-        states = casadi.vertcat(self.velocity, entries(acceleration, self.rows))
+        states = casadi.vertcat(self.velocity, self.accelerations(acceleration))
         return casadi.vertcat(states, columns, forces, casadi.vec(self.ends), inertia)
 
 
@@ -171,6 +226,15 @@ class _Part(NamedTuple):
     ends: casadi.SX
 
 
+def _part(part: DryFriction | JointStop | RestingJoint, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
+    import casadi
+
+    if isinstance(part, RestingJoint):
+        none = casadi.SX(0)
+        return _Part(none, none, none, lambda x: casadi.SX(1.0), casadi.SX.zeros(1, 3))
+    return _stop(part, mode, s) if isinstance(part, JointStop) else _friction(part, mode, s)
+
+
 def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
     """While it slides d v is positive, else 1 − (x / limit)², with the slack that a run allows.
 
@@ -178,18 +242,19 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
     """
     import casadi
 
-    direction, moves, _, slack = mode
+    direction, moves, holds, slack = mode
+    braked = isinstance(part, JointDryFriction) and part.engaged is not None
     (least, most), velocity = part.limits(s), part.shaft(s).velocity
 
     def lasts(x: casadi.SX) -> casadi.SX:
         share = x / most if part.rotor is None else casadi.if_else(x > 0.0, x / most, x / least)
-        if part.engaged is not None:
+        if braked:
             share = x / casadi.fmax(most, TINY)
         begins = (1.0 - direction * direction) * (STARTED * STARTED - velocity * velocity)
         found = moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
-        if part.engaged is None:
+        if not braked:
             return found
-        free = 2.0 * moves * (1.0 - direction * direction) - 1.0  # a released brake: neither stuck nor sliding
+        free = 1.0 - 2.0 * casadi.fmax(holds, direction * direction)  # a released brake exerts no force
         return casadi.if_else(most > 0.0, found, free)
 
     return _Part(least, most, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
@@ -212,13 +277,6 @@ def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
         none, none, none, lambda x: holds * (1.0 if latched else direction * x) + moves * room,
         casadi.horzcat(*ends, casadi.SX(part.value(s, "restitution"))),
     )  # fmt: skip
-
-
-def entries(vector: casadi.SX, rows: Sequence[int]) -> casadi.SX:
-    """Entries of a column as a column; casadi's own indices give a row where the column has one entry."""
-    import casadi
-
-    return casadi.vertcat(*[vector[row] for row in rows])
 
 
 def _solved(matrix: casadi.SX, right: casadi.SX) -> casadi.SX:

@@ -14,6 +14,7 @@ from typing import Final
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import IMPORTERS, import_constraints
+from bellcrank.elements.dry_friction import KEY
 from bellcrank.elements.element import named_entries
 from bellcrank.elements.expression_constraint import ExpressionConstraint
 from bellcrank.elements.joint_constraints import Coupling, PrescribedMotion
@@ -53,7 +54,10 @@ def read_constraints(read: Fields, context: ReadContext) -> tuple[Constraint, ..
     """Read the list `constraints` of a scene. Raises InputError naming file and key."""
     constraints: list[Constraint] = []
     for name, entry in named_entries(read, "constraints"):
-        constraints += KINDS[entry.choice("kind", tuple(KINDS))](name, entry, context)
+        kind = entry.choice("kind", tuple(KINDS))
+        if kind not in IMPORTERS:
+            entry.known(KEY)  # read_pin_friction reads it
+        constraints += KINDS[kind](name, entry, context)
         entry.done()
     taken = [constraint.name for constraint in constraints]
     for name in taken:

@@ -46,7 +46,7 @@ from bellcrank.actuators.short_time_limits import short_time_limits
 from bellcrank.config.fields import Fields
 from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.controller import ControlContext, Controller
-from bellcrank.elements.dry_friction import LAWS, DryFriction
+from bellcrank.elements.dry_friction import LAWS, JointDryFriction
 from bellcrank.elements.element import (  # fmt: skip
     NONNEGATIVE,
     POSITIVE,
@@ -494,7 +494,7 @@ class Drive(Controller):
 
 
 @dataclass(frozen=True)
-class RotorFriction(DryFriction):
+class RotorFriction(JointDryFriction):
     """The dry friction of a drive's rotor: at its own shaft behind an elastic gear, else at the joint."""
 
     drive: Drive = field(repr=False, kw_only=True)

@@ -12,17 +12,19 @@ Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), 6.
 A `brake` adds `torque` to the friction of its joint while the formula `engaged` is positive, `delay` later where it is
 one of time alone.
 
-A simulation holds the mode of each such joint: which way it slides, or that it is at rest.
+A pin or slider that closes a loop may have dry friction too: the key `dry_friction` of its entry in `constraints`
+(pin_friction.py). A simulation holds the mode of each such joint: which way it slides, or that it is at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import (  # fmt: skip
+    JOINT_UNITS,
     NONNEGATIVE,
     POSITIVE,
     Force,
@@ -35,12 +37,13 @@ from bellcrank.elements.element import (  # fmt: skip
 from bellcrank.elements.expression import Expression, Term, delayed
 from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.held_inputs import HeldSource, held_source
-from bellcrank.elements.joint_forces import Friction, JointForce, Numbers
-from bellcrank.robot.robot import RobotJoint
+from bellcrank.elements.joint_forces import Friction, JointForce, Numbers, Shaft
+from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.symbols import Symbols
 
 LAWS: Final = ("exponential", "hyperbolic")
@@ -49,8 +52,10 @@ BRAKE: Final = "brake"
 
 
 @dataclass(frozen=True)
-class DryFriction(JointForce):
-    """Dry friction of a joint, N m or N; `speed` (rad/s or m/s) is that over which it falls from static to Coulomb."""
+class DryFriction(Force):
+    """Dry friction at a joint, a rotor or a pin; `speed` (rad/s or m/s) is that over which it falls from static to
+    Coulomb friction.
+    """
 
     coulomb: float
     static: float  # that of `coulomb` where the file gives none
@@ -58,16 +63,40 @@ class DryFriction(JointForce):
     viscous: float
     law: str
     falls: bool  # whether `static` is given, and friction falls from it to `coulomb`
-    brake: float = 0.0  # N m or N
-    engaged: Expression | None = None  # the brake is engaged while it is positive
     kind: ClassVar[str] = KEY
     NUMBERS: ClassVar[Numbers] = {
         "coulomb": ("torque", None, NONNEGATIVE),
         "static": ("torque", None, NONNEGATIVE),
         "speed": ("velocity", 1.0, POSITIVE),
         "viscous": ("damping", 0.0, NONNEGATIVE),
-        "brake": ("torque", 0.0, POSITIVE),
     }
+
+    @property
+    def held(self) -> str:
+        """The name of the joint or pin that it keeps at rest."""
+        raise NotImplementedError
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is a force, N, and not a torque."""
+        raise NotImplementedError
+
+    def unit(self, quantity: str) -> str:
+        """The unit of a quantity of `JOINT_UNITS` here."""
+        return JOINT_UNITS[quantity][self.slides]
+
+    @property
+    def rotor(self) -> tuple[AuxiliaryStates, int] | None:
+        """Which of a drive's own states is the velocity of the rotor that it acts on; None: the robot moves it."""
+        return None
+
+    def shaft(self, symbols: Symbols) -> Shaft:
+        """What it acts on."""
+        raise NotImplementedError
+
+    def along(self, symbols: Symbols, force: casadi.SX) -> casadi.SX:
+        """The generalised force (nv) of a force (N m or N) at its shaft."""
+        raise NotImplementedError
 
     @property
     def at_rest(self) -> str:
@@ -77,27 +106,13 @@ class DryFriction(JointForce):
     @property
     def settable(self) -> dict[str, Settable]:
         """The numbers of the file, of which the force at rest is more than 0."""
-        joint = self.joint
-        found = {key: Settable(joint_unit(joint, what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
-        least = POSITIVE if self.engaged is None else NONNEGATIVE
-        found[self.at_rest] = Settable(joint_unit(joint, "torque"), least)
-        keys = [*("coulomb", "static", "speed", "viscous")] if self.falls else ["coulomb", "viscous"]
-        return {key: found[key] for key in (keys if self.engaged is None else [*keys, "brake"])}
-
-    @property
-    def formulas(self) -> tuple[Expression, ...]:
-        """1 while the brake is engaged."""
-        if self.engaged is None:
-            return ()
-        return (
-            Expression("", Term("step", (self.engaged.term,)), f"step {self.engaged.meaning or self.engaged.text}"),
-        )
+        found = {key: Settable(self.unit(what), bound) for key, (what, _, bound) in self.NUMBERS.items()}
+        found[self.at_rest] = Settable(self.unit("torque"), POSITIVE)
+        return {key: found[key] for key in (self.NUMBERS if self.falls else ("coulomb", "viscous"))}
 
     def braking(self, symbols: Symbols) -> casadi.SX:
-        """What the brake adds to the friction, N m or N; 0 along motions that are given."""
-        if self.engaged is None or not symbols.held_sides:
-            return symbols.zero
-        return self.value(symbols, "brake") * self.formulas[0].value(symbols, None, symbols.sides(self))
+        """What a brake adds to the friction, N m or N."""
+        return symbols.zero
 
     @property
     def mode(self) -> HeldSource:
@@ -123,7 +138,7 @@ class DryFriction(JointForce):
         return -limit, limit
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
-        """The force (N m or N) at the joint's velocity while it moves in a direction, 1 or −1; 0 for 0."""
+        """The force (N m or N) at the velocity while it moves in a direction, 1 or −1; 0 for 0."""
         import casadi
 
         velocity = self.shaft(symbols).velocity
@@ -142,15 +157,87 @@ class DryFriction(JointForce):
 
         return symbols.signal(self.mode)[0] if symbols.held_sides else casadi.sign(self.shaft(symbols).velocity)
 
+    def moving_force(self, symbols: Symbols) -> casadi.SX:
+        """The force of sliding and the viscous one, N m or N; that of a stuck joint follows from the equations."""
+        friction = self.sliding(symbols, self.direction(symbols))
+        return friction - self.value(symbols, "viscous") * self.shaft(symbols).velocity
+
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
-        """The force of sliding and the viscous one; that of a stuck joint follows from the equations of motion."""
-        _, velocity, index = symbols.joint(self.joint)
-        force = self.sliding(symbols, self.direction(symbols)) - self.value(symbols, "viscous") * velocity
-        return GeneralisedForce(symbols.joint_force(index, force), symbols.zero, force * velocity, False)
+        """The force of sliding and the viscous one."""
+        force = self.moving_force(symbols)
+        power = force * self.shaft(symbols).velocity
+        return GeneralisedForce(self.along(symbols, force), symbols.zero, power, False)
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """The force."""
+        return (f"[{self.unit('torque')}]",)
 
     def measure(self, symbols: Symbols) -> casadi.SX:
-        """The force at the joint, N m or N, stuck or sliding."""
-        return super().measure(symbols) + symbols.holding.get(self.name, 0.0)
+        """The force, N m or N, stuck or sliding."""
+        return self.moving_force(symbols) + symbols.holding.get(self.name, 0.0)
+
+
+@dataclass(frozen=True)
+class JointDryFriction(DryFriction, JointForce):
+    """Dry friction of a joint of the robot, with its brake."""
+
+    brake: float = 0.0  # N m or N
+    engaged: Expression | None = None  # the brake is engaged while it is positive
+    NUMBERS: ClassVar[Numbers] = {**DryFriction.NUMBERS, "brake": ("torque", 0.0, POSITIVE)}
+
+    @property
+    def held(self) -> str:
+        """The name of the joint."""
+        return self.joint.name
+
+    @property
+    def slides(self) -> bool:
+        """Whether the joint is prismatic."""
+        return self.joint.kind == "prismatic"
+
+    def shaft(self, symbols: Symbols) -> Shaft:
+        """The joint."""
+        return Shaft(symbols.joint(self.joint).velocity, self.joint.v)
+
+    def along(self, symbols: Symbols, force: casadi.SX) -> casadi.SX:
+        """The generalised force (nv) of a force at the joint."""
+        return symbols.joint_force(self.joint.v, force)
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """The numbers of the file, that of a brake too."""
+        found = super().settable
+        if self.engaged is None:
+            return found
+        least = {self.at_rest: Settable(self.unit("torque"), NONNEGATIVE)}
+        return found | least | {"brake": Settable(self.unit("torque"), POSITIVE)}
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """1 while the brake is engaged."""
+        if self.engaged is None:
+            return ()
+        return (
+            Expression("", Term("step", (self.engaged.term,)), f"step {self.engaged.meaning or self.engaged.text}"),
+        )
+
+    def braking(self, symbols: Symbols) -> casadi.SX:
+        """What the brake adds to the friction, N m or N; 0 along motions that are given."""
+        if self.engaged is None or not symbols.held_sides:
+            return symbols.zero
+        return self.value(symbols, "brake") * self.formulas[0].value(symbols, None, symbols.sides(self))
+
+
+@dataclass(frozen=True)
+class RestingJoint(JointForce):
+    """A joint of a closed linkage without dry friction, which is at rest exactly while friction holds the linkage."""
+
+    kind: ClassVar[str] = "rest"
+
+    @property
+    def mode(self) -> HeldSource:
+        """The entries of u that hold its mode: 0, whether it moves (1 or 0), and twice 0."""
+        return held_source(f"mode of {self.name}", [0.0, 1.0, 0.0, 0.0])
 
 
 def dry_joints(read: Fields) -> tuple[str, ...]:
@@ -159,7 +246,9 @@ def dry_joints(read: Fields) -> tuple[str, ...]:
     return tuple(name for name in joints if KEY in joints.mapping(name))
 
 
-def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Force]) -> tuple[DryFriction, ...]:
+def read_dry_friction(
+    read: Fields, formulas: FormulaReader, forces: Sequence[Force]
+) -> tuple[JointDryFriction, ...]:
     """Read the mapping `joints` of a scene. Raises InputError naming file and key."""
     joints, found = read.mapping("joints", {}), []
     for name in joints:
@@ -170,7 +259,9 @@ def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Fo
             if "stop" not in entry:
                 raise joints.error(name, f"expected '{KEY}', 'stop' or '{BRAKE}', found nothing")
             continue
-        part = _friction(entry.mapping(KEY), joint) if KEY in entry else _none(entry, joint)
+        part = _none(entry, joint)
+        if KEY in entry:
+            part = JointDryFriction(f"{KEY}_{name}", entry.mapping(KEY), joint, **friction_law(entry.mapping(KEY), joint.kind == "prismatic"))
         if BRAKE in entry:
             torque, engaged = _brake(entry.mapping(BRAKE), joint, formulas)
             part = replace(part, brake=torque, engaged=engaged)
@@ -183,9 +274,9 @@ def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Fo
     return tuple(found)
 
 
-def _none(entry: Fields, joint: RobotJoint) -> DryFriction:
+def _none(entry: Fields, joint: RobotJoint) -> JointDryFriction:
     """No dry friction but that of a brake."""
-    return DryFriction(f"{KEY}_{joint.name}", entry, joint, 0.0, 0.0, 1.0, 0.0, LAWS[0], False)
+    return JointDryFriction(f"{KEY}_{joint.name}", entry, joint, 0.0, 0.0, 1.0, 0.0, LAWS[0], False)
 
 
 def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[float, Expression]:
@@ -201,10 +292,12 @@ def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[fl
     return torque, engaged
 
 
-def _friction(read: Fields, joint: RobotJoint) -> DryFriction:
-    read.only((*DryFriction.NUMBERS, "law"))
-    coulomb = number(read, "coulomb", joint_unit(joint, "torque"), bound=NONNEGATIVE)
-    static = number(read, "static", joint_unit(joint, "torque"), coulomb, NONNEGATIVE)
+def friction_law(read: Fields, slides: bool, *more: str) -> dict[str, Any]:
+    """The numbers and the law of an entry `dry_friction`, which may have `more` keys. Raises InputError."""
+    unit = {key: JOINT_UNITS[what][slides] for key, (what, *_) in DryFriction.NUMBERS.items()}
+    read.only((*DryFriction.NUMBERS, "law", *more))
+    coulomb = number(read, "coulomb", unit["coulomb"], bound=NONNEGATIVE)
+    static = number(read, "static", unit["static"], coulomb, NONNEGATIVE)
     law = read.choice("law", LAWS, "exponential")
     for key in ("speed", "law"):
         if key in read and "static" not in read:
@@ -215,7 +308,8 @@ def _friction(read: Fields, joint: RobotJoint) -> DryFriction:
         raise read.error("coulomb", "expected more than 0, found 0; without dry friction remove 'dry_friction'")
     if "static" in read and "speed" not in read:
         raise read.error("static", "'static' requires 'speed', over which friction falls from it to 'coulomb'")
-    speed = number(read, "speed", joint_unit(joint, "velocity"), 1.0, POSITIVE)
-    viscous = number(read, "viscous", joint_unit(joint, "damping"), 0.0, NONNEGATIVE)
+    speed = number(read, "speed", unit["speed"], 1.0, POSITIVE)
+    viscous = number(read, "viscous", unit["viscous"], 0.0, NONNEGATIVE)
     read.done()
-    return DryFriction(f"{KEY}_{joint.name}", read, joint, coulomb, static, speed, viscous, law, "static" in read)
+    falls = "static" in read
+    return {"coulomb": coulomb, "static": static, "speed": speed, "viscous": viscous, "law": law, "falls": falls}

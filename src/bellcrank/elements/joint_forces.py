@@ -37,11 +37,17 @@ Numbers = Mapping[str, tuple[str, float | None, Bound]]
 
 
 class Shaft(NamedTuple):
-    """What turns or slides: its velocity, the row of it in v and the auxiliary states, and a rotor's own inertia."""
+    """What turns or slides.
+
+    Attributes:
+        velocity: rad/s or m/s.
+        row: The place of the velocity in v and the auxiliary states; −1: it is none of them, as at a pin of a loop.
+        inertia: The own inertia of a rotor; None: the robot moves it.
+    """
 
     velocity: casadi.SX
     row: int
-    inertia: casadi.SX | None = None  # None: a joint of the robot
+    inertia: casadi.SX | None = None
 
 
 @dataclass(frozen=True)

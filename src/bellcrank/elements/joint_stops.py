@@ -77,6 +77,10 @@ class JointStop(JointForce):
         """None: the force of a stop follows from the equations of motion."""
         return GeneralisedForce(symbols.joint_force(self.joint.v, 0.0), symbols.zero, symbols.zero, False)
 
+    def along(self, symbols: Symbols, force: casadi.SX) -> casadi.SX:
+        """The generalised force (nv) of a force at the joint."""
+        return symbols.joint_force(self.joint.v, force)
+
     def measure(self, symbols: Symbols) -> casadi.SX:
         """The force at the joint, N m or N, without impacts."""
         import casadi

@@ -29,8 +29,8 @@ from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import read_control
 from bellcrank.elements.drives import Drive, RotorFriction, read_drives
-from bellcrank.elements.dry_friction import DryFriction, read_dry_friction
-from bellcrank.elements.element import Element, Force, joint_unit
+from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint, read_dry_friction
+from bellcrank.elements.element import Element, Force
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
 from bellcrank.elements.forces import read_forces
 from bellcrank.elements.formula_controllers import StateFeedback
@@ -42,6 +42,7 @@ from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.joint_stops import JointStop, read_joint_stops
 from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parameters
+from bellcrank.elements.pin_friction import read_pin_friction
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.errors import InputError
@@ -285,18 +286,20 @@ class Scene(Portable):
 
     @property
     def elements(self) -> tuple[Element, ...]:
-        """The forces, controllers and constraints, and the dry friction of rotors."""
-        return (*self.forces, *self.control, *self.constraints, *self._rotor_friction)
+        """The forces, controllers and constraints, the dry friction of rotors, and what it holds in a linkage."""
+        return (*self.forces, *self.control, *self.constraints, *self._rotor_friction, *self._resting_joints)
 
     @property
     def dry_friction(self) -> tuple[DryFriction, ...]:
-        """The dry friction of joints, which is among the forces."""
+        """The dry friction of joints and pins, which is among the forces."""
         return tuple(part for part in self.forces if isinstance(part, DryFriction))
 
     @property
-    def parts_with_modes(self) -> tuple[DryFriction | JointStop, ...]:
-        """What sticks or holds, in the order of its modes in u: dry friction of joints and rotors, and rigid stops."""
-        return tuple(part for part in self.elements if isinstance(part, DryFriction | JointStop))
+    def parts_with_modes(self) -> tuple[DryFriction | JointStop | RestingJoint, ...]:
+        """What sticks or holds, in the order of its modes in u: dry friction and rigid stops, then the joints of a
+        linkage that these hold.
+        """
+        return tuple(part for part in self.elements if isinstance(part, DryFriction | JointStop | RestingJoint))
 
     @property
     def drives(self) -> tuple[Drive, ...]:
@@ -308,10 +311,22 @@ class Scene(Portable):
         return tuple(drive.friction for drive in self.drives if drive.friction is not None)
 
     @property
+    def _resting_joints(self) -> tuple[RestingJoint, ...]:
+        """The joints of a closed linkage with dry friction that have none of their own."""
+        own = [part.joint for part in self.forces if isinstance(part, JointDryFriction)]
+        if not self.constraints or not self.dry_friction:
+            return ()
+        return tuple(
+            RestingJoint(f"rest_{joint.name}", self.dry_friction[0].place, joint)
+            for joint in self.robot.joints
+            if joint.nv == 1 and joint not in own
+        )
+
+    @property
     def sticking(self) -> dict[str, DryFriction]:
-        """Everything that dry friction can keep at rest, by name: "JOINT", or "JOINT rotor" of a drive."""
+        """Everything that dry friction can keep at rest, by name: a joint, a constraint, or "JOINT rotor" of a drive."""
         rotors = {f"{part.joint.name} rotor": part for part in self._rotor_friction}
-        return {part.joint.name: part for part in self.dry_friction} | rotors
+        return {part.held: part for part in self.dry_friction} | rotors
 
     @property
     def auxiliary_states(self) -> tuple[AuxiliaryStates, ...]:
@@ -359,12 +374,14 @@ class Scene(Portable):
             >>> list(bc.load_scene("pendulum").replaced_friction())
             []
         """
-        for part in self.dry_friction:
+        for part in self.forces:
+            if not isinstance(part, JointDryFriction):
+                continue
             viscous, coulomb = self.robot.replaced_friction.get(part.joint.name, (0.0, 0.0))
             if viscous or coulomb:
                 yield Note(
                     f"joint '{part.joint.name}': dry_friction replaces its other friction, viscous {viscous:g} "
-                    f"{joint_unit(part.joint, 'damping')} and Coulomb {coulomb:g} {joint_unit(part.joint, 'torque')}."
+                    f"{part.unit('damping')} and Coulomb {coulomb:g} {part.unit('torque')}."
                 )
 
     @property
@@ -539,6 +556,8 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
     forces = read_forces(read, formulas)
     forces = (*forces, *read_dry_friction(read, formulas, forces))
+    sticking = [part.held for part in forces if isinstance(part, DryFriction)]
+    forces = (*forces, *read_pin_friction(constraints, forces, sticking))
     driven = [part.joint.name for part in constraints if isinstance(part, PrescribedMotion)]
     forces = (*forces, *read_joint_stops(read, robot, formulas, [force.name for force in forces], driven))
     motors = config.actuated or config.joints_with_actuators
@@ -546,7 +565,6 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     held = {} if initial.saved is None else initial.saved.held
     control_context = ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock, held)
     control = read_control(read, control_context)
-    sticking = [part.joint.name for part in forces if isinstance(part, DryFriction)]
     taken = [force.name for force in forces]
     control = (*control, *read_drives(read, config.actuators, robot, control_context, sticking, control, taken))
     refuse_joints_off_paths(constraints, control, robot, config.motions)

@@ -13,8 +13,11 @@ from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.drives import Drive
+from bellcrank.elements.dry_friction import DryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
+from bellcrank.elements.joint_forces import JointForce
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.pin_friction import NO_ROW
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
 from bellcrank.elements.signals import Signal
 from bellcrank.simulation.integration_problem import HeldEntries
@@ -35,7 +38,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         return None
     system, count = system_of(scene), sum(len(part.switches) for part in scene.elements)
     modes = scene.parts_with_modes
-    rows = [system.nq + row for row in mode_rows(scene)]
+    rows = [system.nq + row if row >= 0 else row for row in mode_rows(scene)]
     updates = [
         (0 if isinstance(part, FunctionController) else make_ready(((system.update(k, i), "scalar"),))[0], each)
         for k, part in enumerate(scene.control)
@@ -46,9 +49,9 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         start=np.concatenate([source.start for source in sources]),
         switch_count=count,
         switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
-        mode_kinds=[1 + part.latch if isinstance(part, JointStop) else 0 for part in modes],
+        mode_kinds=[_mode_kind(part) for part in modes],
         mode_rows=rows,
-        mode_places=[part.joint.q for part in modes],
+        mode_places=[part.joint.q if isinstance(part, JointStop) else 0 for part in modes],
         work_row=system.size - 1 if system.has_work else -1,
         response_rows=system.nv + system.nz,
         mode_turn=make_ready(((system.mode_turn, "scalar"),))[0] if rows else 0,
@@ -56,13 +59,19 @@ def held_entries(scene: Scene) -> HeldEntries | None:
     )
 
 
+def _mode_kind(part: DryFriction | JointStop | RestingJoint) -> int:
+    return 3 if isinstance(part, RestingJoint) else 1 + part.latch if isinstance(part, JointStop) else 0
+
+
 def mode_rows(scene: Scene) -> list[int]:
-    """The place of the velocity of each part with modes in v and the auxiliary states."""
+    """The place of the velocity of each part with modes in v and the auxiliary states; −1 for pins of loops."""
     found, states = [], scene.auxiliary_states
     for part in scene.parts_with_modes:
         own = part.rotor
-        before = 0 if own is None else sum(each.size for each in states[: states.index(own[0])])
-        found.append(part.joint.v if own is None else scene.robot.nv + before + own[1])
+        if own is None:
+            found.append(part.joint.v if isinstance(part, JointForce) else NO_ROW)
+        else:
+            found.append(scene.robot.nv + sum(each.size for each in states[: states.index(own[0])]) + own[1])
     return found
 
 

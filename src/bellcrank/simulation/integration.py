@@ -331,7 +331,7 @@ def refuse_impossible_contacts(scene: Scene, parameters: Array, q0: Array) -> No
     for part in scene.dry_friction:
         if part.falls and value(part, "static") < value(part, "coulomb"):
             raise InputError(
-                f"{scene.source}: joint '{part.joint.name}': static friction {value(part, 'static'):g} is below "
+                f"{scene.source}: joint '{part.held}': static friction {value(part, 'static'):g} is below "
                 f"Coulomb friction {value(part, 'coulomb'):g}; change the parameters"
             )
     for stop in scene.stops_of_joints:

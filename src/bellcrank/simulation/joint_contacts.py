@@ -96,7 +96,7 @@ def shared_rest(run: Trajectory) -> tuple[Note, ...]:
     for part in run.scene.dry_friction:
         _, modes = _modes(run, part)
         if ((modes[:, 1] == 0.0) & (modes[:, 2] == 0.0)).any():
-            names.append(part.joint.name)
+            names.append(part.held)
     if not names:
         return ()
     return (

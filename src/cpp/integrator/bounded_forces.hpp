@@ -18,6 +18,8 @@ namespace BELLCRANK_ISA {
 
 class BoundedForces {
  public:
+  static constexpr double small = 1e-10, dependent = 1e-12;  // of a joint's own response
+
   explicit BoundedForces(int most)
       : force(most), acceleration(most), matrix(static_cast<std::size_t>(most) * most), right(most), low(most), high(most),
         side_(most), inside_(most), free_(most), factor_(static_cast<std::size_t>(most) * most), x_(most) {}
@@ -27,7 +29,7 @@ class BoundedForces {
 
   // Solves for `force` and `acceleration`.
   void solve(int n) {
-    for (int i = 0; i < n; ++i) side_[i] = 0;
+    for (int i = 0; i < n; ++i) side_[i] = low[i] == high[i];  // of a force that is given
     for (int pivots = 0; pivots < 50 * (n + 1); ++pivots) {
       equilibrium(n);
       const int wrong = first_wrong(n);
@@ -42,8 +44,8 @@ class BoundedForces {
   bool at_limit(int i) const { return side_[i] != 0; }
   // Whether the force of joint i, below its limit, keeps it at rest; otherwise others do.
   bool holds(int i) const { return free_[i] > 0; }
-  // Whether joint i could move while the joints that hold do not.
-  bool can_move(int i, int n) {
+  // Whether joint i could move, by more than a share of its own response, while the joints that hold do not.
+  bool can_move(int i, int n, double share = dependent) {
     double* row = x_;
     double value = a(i, i, n);
     for (int k = 0; k < kept_; ++k) {
@@ -52,11 +54,10 @@ class BoundedForces {
       row[k] = sum / factor_[k * n + k];
       value -= row[k] * row[k];
     }
-    return value > dependent * a(i, i, n);
+    return value > share * a(i, i, n);
   }
 
  private:
-  static constexpr double small = 1e-10, dependent = 1e-12;  // of a joint's own response
   Array<int> side_, inside_, free_;  // 1 and -1: at a bound of the force; which hold, as a list and as marks
   int kept_ = 0;
   Buffer factor_, x_;
@@ -119,8 +120,8 @@ class BoundedForces {
 
   int first_wrong(int n) const {
     for (int i = 0; i < n; ++i)
-      if (side_[i] ? side_[i] * acceleration[i] > rounding(i, n)
-                   : force[i] > high[i] + small * std::fabs(high[i]) || force[i] < low[i] - small * std::fabs(low[i]))
+      if (low[i] != high[i] && (side_[i] ? side_[i] * acceleration[i] > rounding(i, n)
+                   : force[i] > high[i] + small * std::fabs(high[i]) || force[i] < low[i] - small * std::fabs(low[i])))
         return i;
     return -1;
   }

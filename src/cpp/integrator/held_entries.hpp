@@ -19,7 +19,7 @@ class Held {
       : rhs_(rhs), p_(rhs.problem), h_(p_.held), record_(record), view_(functions(p_)), changes_(rhs, last, view_),
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
         before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
-        found_(h_.mode_count * (h_.response_rows + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
+        found_(h_.mode_count * (h_.response_rows + h_.mode_count + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
         struck_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
@@ -53,8 +53,14 @@ class Held {
   template <class Stepper>
   bool stays(Stepper& stepper) {
     if (!count_) return true;
+    double fastest = 0;  // of all joints: a bound of the speed of a pin
     for (int j = 0; j < h_.mode_count; ++j)
-      fastest_[j] = larger(fastest_[j], std::fabs(stepper.state()[h_.mode_rows[j]]));
+      if (h_.mode_rows[j] >= 0) {
+        fastest_[j] = larger(fastest_[j], std::fabs(stepper.state()[h_.mode_rows[j]]));
+        fastest = larger(fastest, fastest_[j]);
+      }
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (h_.mode_rows[j] < 0) fastest_[j] = larger(fastest_[j], fastest);
     for (int e = 0; e < count_; ++e) before_[e] = changes_.memory(e);
     Silent silent;
     const Found found = changes_.search(stepper, silent);
@@ -96,6 +102,7 @@ class Held {
   static constexpr double near_place = 1e-7;    // rad or m, or of the place: where a stop is that has been reached
   static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
   static constexpr double least_time = 1e-10;   // of the time: rebounds that would end sooner are not followed
+  static constexpr double follows_exactly = 1e-9;  // of its own response: what a joint without friction may still move
   static constexpr int few_quick = 3, most_quick = 20;  // turns of a switch one after another, each as soon as rounding allows
 
   // What `changes_` finds is asked for directly.
@@ -202,7 +209,7 @@ class Held {
 
   // What the kernel `turn` finds at a state, for m contacts of a state with nv velocities.
   struct Turn {
-    const double *velocity, *free, *response, *low, *high, *sliding, *place_low, *place_high, *restitution, *inertia;
+    const double *velocity, *free, *response, *coupling, *low, *high, *sliding, *place_low, *place_high, *restitution, *inertia;
   };
 
   bool evaluate(double t, const double* x, Turn& found) {
@@ -213,31 +220,37 @@ class Held {
     if (h_.turn(in, out) != 0) return false;
     const double* v = found_;
     const double* response = v + 2 * n;
-    const double* rest = response + n * h_.response_rows;
-    found = {v, v + n, response, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n,
+    const double* coupling = response + n * h_.response_rows;
+    const double* rest = coupling + n * n;
+    found = {v, v + n, response, coupling, rest, rest + n, rest + 2 * n, rest + 3 * n, rest + 4 * n, rest + 5 * n,
              rest + 6 * n};
     double sum = 0;
     for (int k = 0; k < n * (2 + h_.response_rows); ++k) sum += found_[k] * 0.0;
     return sum == 0;
   }
 
-  bool is_stop(int j) const { return h_.mode_kinds[j] >= 1; }
+  bool is_stop(int j) const { return h_.mode_kinds[j] == 1 || h_.mode_kinds[j] == 2; }
   bool is_latch(int j) const { return h_.mode_kinds[j] == 2; }
-  double response(const Turn& f, int j, int k) const {
-    return f.response[k * h_.response_rows + h_.mode_rows[j] - p_.nq];
-  }
+  bool is_pin(int j) const { return h_.mode_rows[j] < 0; }
+  bool is_forceless(int j) const { return h_.mode_kinds[j] == 3; }
+  double response(const Turn& f, int j, int k) const { return f.coupling[k * h_.mode_count + j]; }
 
   // Whether constraints and prescribed motions alone determine how a joint moves, so that no force holds it.
   bool determined(const Turn& f, int j) const { return response(f, j, j) * f.inertia[j] <= 1e-9; }
 
   // At the start of a run: joints that move slide, the others stick or begin to slide.
   bool first_modes(double t, const double* x) {
-    for (int j = 0; j < h_.mode_count; ++j) {
-      const int direction = sign(x[h_.mode_rows[j]]);
-      if (is_stop(j)) mode(j) = {0, 1, 0, 0};
+    Turn f;
+    const int n = h_.mode_count;
+    if (n && !evaluate(t, x, f)) return false;  // whose velocities do not depend on modes
+    double fastest = 0;
+    for (int j = 0; j < n; ++j) fastest = larger(fastest, std::fabs(f.velocity[j]));
+    for (int j = 0; j < n; ++j) {
+      const int direction = is_pin(j) && std::fabs(f.velocity[j]) <= 1e-12 * fastest ? 0 : sign(f.velocity[j]);
+      if (is_stop(j) || is_forceless(j)) mode(j) = {0, 1, 0, 0};
       else mode(j) = {1.0 * direction, direction ? 1.0 : 0.0, direction ? 0.0 : 1.0, 0};
     }
-    return !h_.mode_count || find_modes(-1, t, x);
+    return !n || find_modes(-1, t, x);
   }
 
   // New modes at an instant, which `cause` brings about: impacts at stops first, then the forces of the joints at rest.
@@ -254,7 +267,11 @@ class Held {
       hits |= closed_[j] * f.velocity[j] < 0;
     }
     const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit; that of a stop is 0
-    if (hits && (!impact(f) || !evaluate(t, state_, f))) return false;
+    if (hits) {
+      if (!impact(f) || !evaluate(t, state_, f)) return false;
+      for (int j = 0; j < n; ++j)
+        if (!is_stop(j) && !is_forceless(j) && f.velocity[j] != 0) mode(j) = {1.0 * sign(f.velocity[j]), 1, 0, 0};
+    }
     balance(cause, gives_way, hits, f);
     if (rebounds(t, f)) {
       if (!evaluate(t, state_, f)) return false;
@@ -262,7 +279,33 @@ class Held {
       rebounds(t, f);
     }
     rested_ = true;
+    return still_pins(t);
+  }
+
+  // Takes the pins that are at rest to velocity 0 exactly, with the joints that are.
+  bool still_pins(double t) {
+    bool pins = false;
+    for (int j = 0; j < h_.mode_count; ++j) pins |= is_pin(j) && !mode(j).moves;
+    Turn f;
+    if (!pins) return true;
+    if (!evaluate(t, state_, f)) return false;
+    int count = 0;
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (!mode(j).moves) struck_[count++] = j;
+    for (int k = 0; k < count; ++k) {
+      modes_.right[k] = f.velocity[struck_[k]], modes_.low[k] = -INFINITY, modes_.high[k] = INFINITY;
+      for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, struck_[k], struck_[l]);
+    }
+    modes_.solve(count);
+    for (int k = 0; k < count; ++k)
+      for (int i = 0; i < h_.response_rows; ++i)
+        state_[p_.nq + i] += f.response[struck_[k] * h_.response_rows + i] * modes_.force[k];
+    for (int k = 0; k < count; ++k) rest(struck_[k]);
     return true;
+  }
+
+  void rest(int j) {
+    if (!is_pin(j)) state_[h_.mode_rows[j]] = 0;
   }
 
   // The forces of the joints that are at rest, and their modes.
@@ -270,8 +313,10 @@ class Held {
     const int n = h_.mode_count;
     int count = 0;
     for (int j = 0; j < n; ++j) {
-      if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {  // a brake that is released
+      if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {  // a brake that is released, or no friction
+        const bool follows = (!mode(j).moves || std::fabs(f.velocity[j]) <= same_instant * fastest_[j]) && !determined(f, j);
         mode(j) = {0, 1, 0, 0}, turned_[h_.switch_count + j] = 1;
+        if (follows) resting_[count++] = j;
         continue;
       }
       if (!is_stop(j) && mode(j).moves && mode(j).direction == 0 && !determined(f, j) && std::fabs(f.velocity[j]) > started) {
@@ -308,7 +353,10 @@ class Held {
       const int j = resting_[k];
       const double direction = modes_.force[k] > 0 ? -1 : 1;
       Mode& m = mode(j);
-      if (is_stop(j)) {
+      if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {
+        if (modes_.can_move(k, count, follows_exactly)) continue;
+        m = {0, 0, 0, 0};
+      } else if (is_stop(j)) {
         const bool holds = !modes_.at_limit(k) && modes_.holds(k);
         m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
       } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, slack(j)};
@@ -317,12 +365,12 @@ class Held {
       else if (modes_.moves(k, count) ? modes_.acceleration[k] * direction > 0 : gives_way && !is_stop(cause))
         m = {direction, 1, 0, 0};
       else m = {0, 0, 1, 0};  // also where the load is below the limit by a little more than rounding
-      state_[h_.mode_rows[j]] = 0, fastest_[j] = 0;
+      rest(j), fastest_[j] = 0;
       turned_[h_.switch_count + j] = 1;
     }
     for (int j = 0; j < n; ++j)  // friction that gives way towards the joint's own stop: from there on the stop holds
       for (int k = 0; k < n; ++k)
-        if (!is_stop(j) && mode(j).moves && state_[h_.mode_rows[j]] == 0 && closed_[k] &&
+        if (!is_stop(j) && !is_forceless(j) && !is_pin(j) && mode(j).moves && state_[h_.mode_rows[j]] == 0 && closed_[k] &&
             h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0)
           mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
     balanced_ = count;
@@ -334,8 +382,8 @@ class Held {
     int count = 0;
     flight_ = INFINITY;
     for (int j = 0; j < h_.mode_count; ++j) {
+      if (!closed_[j] || !(closed_[j] * state_[h_.mode_rows[j]] > 0)) continue;
       double v = state_[h_.mode_rows[j]];
-      if (!(closed_[j] * v > 0)) continue;
       double pull = f.free[j];
       for (int l = 0; l < balanced_; ++l) pull += response(f, j, resting_[l]) * (modes_.force[l] - f.sliding[resting_[l]]);
       pull *= -closed_[j];
@@ -350,7 +398,7 @@ class Held {
     for (int l = 0; l < balanced_; ++l) struck_[count++] = resting_[l];  // which stay at rest
     double change = 0;
     for (int k = 0; k < count; ++k) {
-      modes_.right[k] = state_[h_.mode_rows[struck_[k]]], modes_.low[k] = -INFINITY, modes_.high[k] = INFINITY;
+      modes_.right[k] = is_pin(struck_[k]) ? 0 : state_[h_.mode_rows[struck_[k]]], modes_.low[k] = -INFINITY, modes_.high[k] = INFINITY;
       for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, struck_[k], struck_[l]);
     }
     modes_.solve(count);
@@ -358,7 +406,7 @@ class Held {
       change += 0.5 * modes_.force[k] * modes_.right[k];
       for (int i = 0; i < h_.response_rows; ++i) state_[p_.nq + i] += f.response[struck_[k] * h_.response_rows + i] * modes_.force[k];
     }
-    for (int k = 0; k < count; ++k) state_[h_.mode_rows[struck_[k]]] = 0;
+    for (int k = 0; k < count; ++k) rest(struck_[k]);
     if (h_.work_row >= 0) state_[h_.work_row] += change;
     return true;
   }
@@ -403,11 +451,6 @@ class Held {
     for (int k = 0; k < count; ++k)
       if (after_[k] == 0) state_[h_.mode_rows[struck_[k]]] = 0;
     if (h_.work_row >= 0) state_[h_.work_row] += change;
-    for (int j = 0; j < h_.mode_count; ++j)
-      if (!is_stop(j)) {
-        const int direction = sign(state_[h_.mode_rows[j]]);
-        if (direction) mode(j) = {1.0 * direction, 1, 0, 0};
-      }
     return true;
   }
 

@@ -52,14 +52,14 @@ struct Update {
 struct HeldEntries {
   int count, switch_count;  // sides first, then modes, then what updates compute
   int mode_count;           // of joints with dry friction or stops; four entries each (held_entries.hpp)
-  const int* mode_kinds;    // 0 dry friction, 1 a stop, 2 one that latches
-  const int *mode_rows, *mode_places;  // the entries of x that are their velocities, and positions
+  const int* mode_kinds;    // 0 dry friction, 1 a stop, 2 one that latches, 3 a joint without forces in a linkage
+  const int *mode_rows, *mode_places;  // the entries of x that are their velocities (-1: none), and positions
   int work_row;             // the entry of x that is the work, which impacts change, or -1
   int response_rows;        // how many entries of x, from nq on, forces of modes accelerate
   Kernel turn;              // (t, x, u, p) -> velocity (m), acceleration without the forces of joints at rest (m), the
-                            // response of all velocities to each force (m, response_rows), least and largest force at
-                            // rest (m, m), forces of sliding joints (m), lower and upper stop (m, m), restitution (m),
-                            // the joints' own inertias (m)
+                            // response of all velocities to each force (m, response_rows), that of the joints (m, m),
+                            // least and largest force at rest (m, m), forces of sliding joints (m), lower and upper stop
+                            // (m, m), restitution (m), the joints' own inertias (m)
   const double* start;  // (count)
   Kernel switches;      // (t, x, u, p) -> the functions of sides, and those that are positive while modes last
   const Update* updates;
