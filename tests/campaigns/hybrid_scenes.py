@@ -1,8 +1,9 @@
 """Random scenes with dry friction, rigid stops and brakes, against the enumeration of modes and dense impacts.
 
-Even seeds are chains of 1 to 5 joints, most with dry friction: rows against the enumeration of all modes, by dense
-solves. Odd seeds are arms of 2 to 4 joints with stops, some with friction and brakes that come and go: energy never
-rises, no stop is penetrated, stops only push, and the first impact is that of a dense solution.
+In turn: chains of 1 to 5 joints, most with dry friction, whose rows are compared with the enumeration of all modes, by
+dense solves; arms of 2 to 4 joints with stops, some with friction and brakes that come and go, in which energy never
+rises, no stop is penetrated, stops only push, and the first impact is that of a dense solution; and four-bars with
+friction in all four pins, against the enumeration of modes with a dense KKT system.
 
 python -m tests.campaigns.hybrid_scenes --cases 10000 --seed 1
 """
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from tests.simulation.test_dry_friction import check_chain
 from tests.simulation.test_joint_stops import check_arm
+from tests.simulation.test_pin_friction import check_random_four_bar
 
 
 def main():
@@ -28,10 +30,10 @@ def main():
         seed = given.seed * 1_000_000 + k
         with tempfile.TemporaryDirectory() as folder:
             try:
-                if k % 2:
+                if k % 3 == 1:
                     impacts += check_arm(Path(folder), seed)
                 else:
-                    check_chain(Path(folder), seed)
+                    (check_random_four_bar if k % 3 else check_chain)(Path(folder), seed)
             except Exception as error:
                 wrong.append(seed)
                 print(f"seed {seed}: {type(error).__name__}: {str(error)[:300]}", flush=True)

@@ -182,7 +182,9 @@ class StuckJoints:
                 found[row] = self.moves[k] * found[row]
         return found
 
-    def pins_at_rest(self, change: casadi.SX, velocity: casadi.SX, response: casadi.SX, inertia: casadi.SX) -> casadi.SX:
+    def pins_at_rest(
+        self, change: casadi.SX, velocity: casadi.SX, response: casadi.SX, inertia: casadi.SX
+    ) -> casadi.SX:
         """A change (nv) of the velocity (nv) after which pins that hold have none."""
         import casadi
 

@@ -246,9 +246,7 @@ def dry_joints(read: Fields) -> tuple[str, ...]:
     return tuple(name for name in joints if KEY in joints.mapping(name))
 
 
-def read_dry_friction(
-    read: Fields, formulas: FormulaReader, forces: Sequence[Force]
-) -> tuple[JointDryFriction, ...]:
+def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Force]) -> tuple[JointDryFriction, ...]:
     """Read the mapping `joints` of a scene. Raises InputError naming file and key."""
     joints, found = read.mapping("joints", {}), []
     for name in joints:
@@ -261,7 +259,12 @@ def read_dry_friction(
             continue
         part = _none(entry, joint)
         if KEY in entry:
-            part = JointDryFriction(f"{KEY}_{name}", entry.mapping(KEY), joint, **friction_law(entry.mapping(KEY), joint.kind == "prismatic"))
+            part = JointDryFriction(
+                f"{KEY}_{name}",
+                entry.mapping(KEY),
+                joint,
+                **friction_law(entry.mapping(KEY), joint.kind == "prismatic"),
+            )
         if BRAKE in entry:
             torque, engaged = _brake(entry.mapping(BRAKE), joint, formulas)
             part = replace(part, brake=torque, engaged=engaged)

@@ -106,7 +106,9 @@ def read_pin_friction(
         if any(force.name == name for force in forces):
             raise place.error(KEY, f"the name '{name}' is taken by a force; give the force another name")
         axis, more = _axis(part, read)
-        found.append(PinFriction(name, read, **friction_law(read, isinstance(part, Prismatic), *more), loop=part, axis=axis))
+        found.append(
+            PinFriction(name, read, **friction_law(read, isinstance(part, Prismatic), *more), loop=part, axis=axis)
+        )
     return tuple(found)
 
 
