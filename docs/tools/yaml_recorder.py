@@ -118,6 +118,8 @@ def _section(fields: Fields) -> str | None:
     if path.startswith("motions.") or ".parts[]" in path:
         return None if BY_JOINT.search(path) else f"motions: {fields._data['kind']}"
     top, _, rest = path.partition(".")
+    if top == "constraints[]" and rest == "dry_friction":
+        return "constraints.NAME.dry_friction"
     if top in ("forces[]", "control[]", "constraints[]"):
         return None if rest else f"{top[:-2]}: {fields._data.get('kind', '?')}"
     if top == "actuators" and rest.count(".") and rest.split(".")[1] in ("elastic", "rotor_friction", "servo"):

@@ -20,7 +20,8 @@ from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiat
 from bellcrank.dynamics.constraint_rows import rows_of
 from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
-from bellcrank.dynamics.stuck_joints import StuckJoints
+from bellcrank.dynamics.stuck_joints import StuckJoints, key_of
+from bellcrank.elements.dry_friction import RestingJoint
 from bellcrank.elements.symbols import Additions, Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
@@ -195,7 +196,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
             held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), rates)
     for k, part in enumerate(held_parts[: held.forces.numel()]):
         s.holding[part.name] = held.forces[k]
-        if part.rotor is None:
+        if part.rotor is None and not isinstance(part, RestingJoint):
             passive += part.along(s, held.forces[k])
     torque = actuator + passive
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
@@ -271,7 +272,7 @@ def _stuck_joints(scene: Scene, s: Symbols, gains: casadi.SX) -> StuckJoints:
     parts = scene.parts_with_modes
     if not s.held_sides:
         raise InputError(
-            f"{scene.source}: {parts[0].place.path}: a joint that sticks or meets a "
+            f"{scene.source}: {key_of(parts[0])}: a joint that sticks or meets a "
             "stop has no equations of motion without what a run holds; remove it, or give it a smoothed friction "
             "(forces, kind: friction)"
         )

@@ -16,6 +16,7 @@ from bellcrank.codegen.locks import making
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.implicit_equations import ImplicitEquations, implicit_equations
 from bellcrank.dynamics.kkt_solver import KktSolver
+from bellcrank.dynamics.stuck_joints import key_of
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.dynamics.system_layout import SparsityPattern, entries
 from bellcrank.errors import InputError
@@ -206,8 +207,7 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
     if parts := (*scene.dry_friction, *scene.stops_of_joints):
         remedy = "give it a smoothed friction (forces, kind: friction), or none" if scene.dry_friction else "remove it"
         raise InputError(
-            f"{scene.source}: joints.{parts[0].joint.name}.{parts[0].kind}: a joint that sticks or meets a stop has no "
-            f"linear equations; {remedy}"
+            f"{scene.source}: {key_of(parts[0])}: a joint that sticks or meets a stop has no linear equations; {remedy}"
         )
     system, u = system_of(scene), scene.signals_at(np.array([time]))[0]
     state = np.concatenate([q, v, np.zeros(system.size - len(q) - len(v))])

@@ -55,9 +55,7 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
         ]:
             found.append(f"brakes ({', '.join(brakes)}) are taken as released: the motion is given")
         if pins := [part.held for part in mechanism.scene.forces if isinstance(part, PinFriction)]:
-            found.append(
-                f"friction of pins ({', '.join(pins)}) acts while they move; at instants of rest it is taken as 0"
-            )
+            found.append(f"friction of pins ({', '.join(pins)}) changes its side between the rows of the motion")
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]
         if stops:
             found.append(f"rigid stops ({', '.join(stops)}) exert no force: the motion is given")

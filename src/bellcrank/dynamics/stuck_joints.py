@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import REFINEMENTS, REGULARISATION
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
+from bellcrank.elements.element import Force
+from bellcrank.elements.joint_forces import JointForce
 from bellcrank.elements.joint_stops import JointStop
 
 if TYPE_CHECKING:
@@ -74,7 +76,7 @@ class StuckJoints:
 
     @classmethod
     def of(cls, parts: Sequence[DryFriction | JointStop | RestingJoint], s: Symbols, damping: casadi.SX) -> StuckJoints:
-        """Those of a scene, in a run. `damping` (1/s) times a velocity is added to the acceleration of a pin at rest."""
+        """Those of a scene, in a run. `damping` (1/s) times its velocity is added to the acceleration of a pin."""
         import casadi
 
         modes = [casadi.vertsplit(s.signal(part.mode)) for part in parts]
@@ -216,6 +218,13 @@ class StuckJoints:
         forces = casadi.vertcat(self.least, self.most, self.sliding)
         states = casadi.vertcat(self.velocity, self.accelerations(acceleration))
         return casadi.vertcat(states, columns, forces, casadi.vec(self.ends), inertia)
+
+
+def key_of(part: Force) -> str:
+    """The key of a scene file that describes dry friction or a stop."""
+    if isinstance(part, JointForce):
+        return f"joints.{part.joint.name}.{part.kind}"
+    return part.place.path
 
 
 class _Part(NamedTuple):

@@ -14,12 +14,12 @@ from typing import Final
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import IMPORTERS, import_constraints
-from bellcrank.elements.dry_friction import KEY
 from bellcrank.elements.element import named_entries
 from bellcrank.elements.expression_constraint import ExpressionConstraint
 from bellcrank.elements.joint_constraints import Coupling, PrescribedMotion
 from bellcrank.elements.loop_constraints import Distance, Hinge, Point, Weld
 from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
+from bellcrank.elements.pin_friction import allow_friction
 from bellcrank.elements.rolling_constraint import RollingDisk
 
 Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # called with a name, an entry and its context
@@ -55,8 +55,7 @@ def read_constraints(read: Fields, context: ReadContext) -> tuple[Constraint, ..
     constraints: list[Constraint] = []
     for name, entry in named_entries(read, "constraints"):
         kind = entry.choice("kind", tuple(KINDS))
-        if kind not in IMPORTERS:
-            entry.known(KEY)  # read_pin_friction reads it
+        allow_friction(entry, kind)
         constraints += KINDS[kind](name, entry, context)
         entry.done()
     taken = [constraint.name for constraint in constraints]

@@ -19,13 +19,14 @@ from bellcrank.elements.dry_friction import KEY, DryFriction, friction_law
 from bellcrank.elements.element import Force
 from bellcrank.elements.joint_forces import Shaft
 from bellcrank.elements.loop_constraints import Hinge, Loop, Point, read_direction
-from bellcrank.elements.loop_joints import Planar, Prismatic
+from bellcrank.elements.loop_joints import Prismatic
 
 if TYPE_CHECKING:
     import casadi
 
     from bellcrank.elements.symbols import Symbols
 
+PINS = (Point.kind, Hinge.kind, Prismatic.kind)
 NO_ROW = -1  # a row that is none of v and the auxiliary states
 
 
@@ -87,6 +88,14 @@ class PinFriction(DryFriction):
         return tuple(placed)
 
 
+def allow_friction(entry: Fields, kind: str) -> None:
+    """Allow the key in an entry of `constraints` that has an axis. Raises InputError where another one has it."""
+    if kind in PINS:
+        entry.known(KEY)
+    elif KEY in entry:
+        raise entry.error(KEY, f"a constraint of kind '{kind}' has no axis of friction; {' and '.join(PINS)} have one")
+
+
 def read_pin_friction(
     constraints: Sequence[Constraint], forces: Sequence[Force], joints: Collection[str]
 ) -> tuple[PinFriction, ...]:
@@ -96,10 +105,7 @@ def read_pin_friction(
         if KEY not in part.place:
             continue
         place = part.place
-        if not isinstance(part, Hinge | Point | Prismatic) or isinstance(part, Planar):
-            raise place.error(
-                KEY, f"a constraint of kind '{part.kind}' has no single axis of friction; hinge, point and prismatic do"
-            )
+        assert isinstance(part, Hinge | Point | Prismatic)
         if part.name in joints:
             raise place.error(KEY, f"a joint with dry friction is named '{part.name}' too; rename the constraint")
         name, read = f"{KEY}_{part.name}", place.mapping(KEY)

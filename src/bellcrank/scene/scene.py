@@ -324,7 +324,7 @@ class Scene(Portable):
 
     @property
     def sticking(self) -> dict[str, DryFriction]:
-        """Everything that dry friction can keep at rest, by name: a joint, a constraint, or "JOINT rotor" of a drive."""
+        """What dry friction can keep at rest, by name: a joint, a constraint, or "JOINT rotor" of a drive."""
         rotors = {f"{part.joint.name} rotor": part for part in self._rotor_friction}
         return {part.held: part for part in self.dry_friction} | rotors
 
