@@ -24,7 +24,13 @@ if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
     from bellcrank.config.fields import Fields
 
-DRIVE_KEYS: Final = ("model", "elastic", "rotor_friction", "servo")  # of a simulation (elements/drives.py)
+DRIVE_KEYS: Final = (
+    "model",
+    "elastic",
+    "rotor_friction",
+    "temperatures",
+    "servo",
+)  # of a simulation (elements/drives.py)
 P = TypeVar("P", Motor, Gear)
 CatalogueOf = Callable[[], "Catalogue"]
 

@@ -132,7 +132,13 @@ def _simulated(arguments: argparse.Namespace, limits: dict[str, float]) -> bool:
 def _limit(text: str) -> tuple[str, float]:
     """(name, value) of NAME=VALUE. Raises InputError."""
     name, sign, value = text.partition("=")
-    units = {"tracking_error": "rad or m", "tool_error": "m", "settling_time": "s", "winding_temperature": "°C"}
+    units = {
+        "tracking_error": "rad or m",
+        "tool_error": "m",
+        "settling_time": "s",
+        "winding_temperature": "°C",
+        "bus_voltage": "V",
+    }
     if name.strip() not in (*units, "command_over_limit"):
         raise InputError(f"--limit {text}: {unknown_name('limit', name.strip(), (*units, 'command_over_limit'))}")
     try:

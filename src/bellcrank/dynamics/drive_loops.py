@@ -1,6 +1,7 @@
 """The loops of drives: resonance, bandwidth and stability margins of each, at rest in a posture.
 
-Their equations are linear ones about the posture, without dry friction and stops, losses of gears and backlash.
+Their equations are linear ones about the posture, without dry friction and stops, losses of gears and backlash, at
+the temperatures of the start and with the bus at its voltage.
 
 The resonances of an axis are the eigenfrequencies ω_r of its rotor and the joints, with the torque of its motor given
 and the other rotors and joints without elastic gear held; the antiresonances ω_a those with its own rotor held too: the
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.copper import resistance_factor
 from bellcrank.dynamics.assembly import assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
@@ -33,6 +35,7 @@ from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.joint_forces import Damper
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.supply import Supply
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -127,7 +130,7 @@ def smooth_scene(scene: Scene) -> Scene:
         if isinstance(part, JointDryFriction):
             if part.viscous:
                 forces.append(Damper(part.name, part.place, part.joint, part.viscous))
-        elif not isinstance(part, JointStop):
+        elif not isinstance(part, JointStop | Supply):
             forces.append(part)
     control = tuple(_without_losses(part) if isinstance(part, Drive) else part for part in scene.control)
     return replace(scene, forces=tuple(forces), control=control, outputs={}, events=())
@@ -138,7 +141,11 @@ def _without_losses(drive: Drive) -> Drive:
     closed = {"efficiency": 1.0, "back_efficiency": 1.0, "backlash": 0.0}
     gear = {**drive.gear, **closed} if drive.is_elastic else drive.gear
     servo = None if drive.servo is None else replace(drive.servo, motion=None, target=0.0)
-    return replace(drive, loss=loss, gear=gear, servo=servo)
+    circuit = drive.circuit
+    if drive.heat:  # at the temperature of the start
+        warm = circuit["resistance"] * float(resistance_factor(drive.heat["winding"]))
+        circuit = {**circuit, "resistance": warm}
+    return replace(drive, loss=loss, gear=gear, servo=servo, circuit=circuit, heat={}, supplied=False)
 
 
 def with_continuous_loops(scene: Scene) -> Scene:

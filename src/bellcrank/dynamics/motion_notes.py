@@ -45,8 +45,8 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
         ]
         if drives := [part.joint.name for part in mechanism.scene.drives]:
             found.append(
-                f"model, elastic, rotor_friction and servo of actuators ({', '.join(drives)}) act in simulations only: "
-                "motors are judged as if joints followed the motion exactly"
+                f"model, elastic, rotor_friction, temperatures and servo of actuators ({', '.join(drives)}) act in "
+                "simulations only: motors are judged as if joints followed the motion exactly"
             )
         if brakes := [
             part.held

@@ -19,7 +19,8 @@ with R and L half of the figures between terminals, n pole pairs, and the flux �
     √(u_d² + u_q²) at most the bus voltage over √3.
 
 Where the voltage does not suffice its servo weakens the field (servos.py). Source: D. Schröder, Elektrische Antriebe –
-Regelung von Antriebssystemen (2015), ch. 16.
+Regelung von Antriebssystemen (2015), ch. 16. With `temperatures` those of winding and housing are states, and R follows
+the winding (thermal.py). With a `supply` the bus voltage is a state (supply.py).
 
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
@@ -31,36 +32,26 @@ then the second is |P| (1/η − 1) too, as of a screw whose friction is the sam
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_fields import DRIVE_KEYS
-from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.copper import resistance_factor
-from bellcrank.actuators.gear import Gear
-from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_arrays import MotorArrays
-from bellcrank.actuators.short_time_limits import short_time_limits
-from bellcrank.config.fields import Fields
+from bellcrank.actuators.copper import COPPER, REFERENCE
 from bellcrank.elements.auxiliary_states import AuxiliaryStates
-from bellcrank.elements.controller import ControlContext, Controller
-from bellcrank.elements.dry_friction import LAWS, JointDryFriction
+from bellcrank.elements.controller import Controller
+from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.element import (  # fmt: skip
     NONNEGATIVE,
     POSITIVE,
     GeneralisedForce,
     Settable,
-    joint_named,
     joint_unit,
-    number,
 )
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_forces import Shaft
 from bellcrank.elements.sampled_controllers import Instants
-from bellcrank.elements.servos import Servo, read_servo
+from bellcrank.elements.servos import Servo
 from bellcrank.elements.signals import SignalSource
 
 if TYPE_CHECKING:
@@ -71,8 +62,8 @@ if TYPE_CHECKING:
 
 MODELS: Final = ("torque", "dc", "dq")
 LOSS: Final = ("coulomb", "static", "speed", "viscous")
-PER_AMPLITUDE: Final = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis
-LEAST_RATIO: Final = 1e-9  # of a gear, whose square occurs
+TEMPERATURES: Final = ("winding temperature [°C]", "housing temperature [°C]")
+BUS: Final = AuxiliaryStates("supply", ("bus voltage [V]", "energy of the source [J]", "energy of the resistor [J]"))
 LOCKED: Final = 1.01  # of the load: what a self-locking gear holds at least, so that rounding does not set it free
 LEAST_FRICTION: Final = 1e-7  # N m, far above rounding: what a gear with losses by load holds without load
 Numbers = Mapping[str, float]
@@ -94,6 +85,11 @@ class Drive(Controller):
         curve: Of `torque` the printed curve of short-time operation: speed, rad/s, and torque, N m.
         servo: The cascade of controllers; None: `command` gives torque or voltage.
         command: The torque, N m at the rotor, or the voltage of a dc model.
+        heat: With states of temperature: capacities (J/K) and resistances (K/W) of winding and housing, the share of
+            the friction that heats the housing, ambient, and the temperatures at the start, °C (thermal.py); R is then
+            that at 25 °C.
+        supplied: Whether its voltage is that of a bus with states of its own (supply.py), whose voltage at rest is
+            that of `circuit`.
     """
 
     model: str
@@ -104,6 +100,8 @@ class Drive(Controller):
     curve: tuple[tuple[float, float], ...]
     servo: Servo | None
     command: Expression | None
+    heat: Numbers = field(default_factory=dict)
+    supplied: bool = False
     kind: ClassVar[str] = "drive"
 
     @property
@@ -238,6 +236,7 @@ class Drive(Controller):
         """Rotor, current and the integrators of the servo."""
         labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
         labels += {"dc": ["current [A]"], "dq": ["q current [A]", "d current [A]"]}.get(self.model, [])
+        labels += list(TEMPERATURES) if self.heat else []
         labels += [] if self.servo is None else self.servo.states
         return AuxiliaryStates(self.name, tuple(labels)) if labels else None
 
@@ -302,7 +301,7 @@ class Drive(Controller):
 
     def voltages(self, symbols: Symbols) -> list[casadi.SX]:
         """The voltage of a dc model, or of q and d, V."""
-        return self.within_voltage(self.commanded(symbols))
+        return self.within_voltage(symbols, self.commanded(symbols))
 
     def currents(self, symbols: Symbols) -> list[casadi.SX]:
         """The current of a dc model, or of q and d, A."""
@@ -313,11 +312,42 @@ class Drive(Controller):
         """The current that gives the torque, A."""
         return self.currents(symbols)[0]
 
-    def within_voltage(self, voltages: list[casadi.SX]) -> list[casadi.SX]:
+    def temperatures(self, symbols: Symbols) -> list[casadi.SX]:
+        """Of winding and housing, °C."""
+        first = 2 * self.is_elastic + len(self.currents(symbols))
+        return self._states(symbols)[first : first + 2]
+
+    def resistance(self, symbols: Symbols, temperature: float | None = None) -> casadi.SX | float:
+        """R at the temperature of the winding, or at another one (°C)."""
+        cold = self.value(symbols, "circuit.resistance")
+        if not self.heat:
+            return cold
+        warm = self.temperatures(symbols)[0] if temperature is None else temperature
+        return cold * (1.0 + COPPER * (warm - REFERENCE))
+
+    def electrical_power(self, symbols: Symbols) -> casadi.SX:
+        """The power that the windings take from the bus, W; negative while they feed it."""
+        pairs = zip(self.voltages(symbols), self.currents(symbols), strict=True)
+        power = sum((u * i for u, i in pairs), symbols.zero)
+        return 1.5 * power if self.model == "dq" else power
+
+    def largest_voltage(self, symbols: Symbols) -> casadi.SX | None:
+        """The largest voltage, V, of a phase for dq; None where no limit is known."""
+        import casadi
+
+        rest = self.circuit.get("voltage")
+        if rest is None:
+            return None
+        if not self.supplied:
+            return casadi.SX(rest)
+        bus = symbols.auxiliary(BUS)[0]
+        return bus / math.sqrt(3.0) if self.model == "dq" else bus
+
+    def within_voltage(self, symbols: Symbols, voltages: list[casadi.SX]) -> list[casadi.SX]:
         """Voltages within the limit of the bus, V: those of q and d keep their ratio."""
         import casadi
 
-        bus = self.circuit.get("voltage")
+        bus = self.largest_voltage(symbols)
         if bus is None:
             return voltages
         if len(voltages) == 1:
@@ -367,7 +397,9 @@ class Drive(Controller):
 
         commands, (_, speed) = self.commanded(symbols), self.rotor(symbols)
         if self.model != "torque":
-            return casadi.sqrt(sum(u * u for u in commands)) / self.circuit["voltage"]
+            bus = self.largest_voltage(symbols)
+            assert bus is not None, "it is limited"
+            return casadi.sqrt(sum(u * u for u in commands)) / bus
         command = commands[0]
         most = symbols.zero
         for k in range(len(self.circuit) // 2):
@@ -417,7 +449,7 @@ class Drive(Controller):
                 (self.torque(symbols) - load + self._friction_torque(symbols)) / self.value(symbols, "gear.inertia"),
             ]
         if self.model != "torque":
-            resistance, inductance = (self.value(symbols, f"circuit.{key}") for key in ("resistance", "inductance"))
+            resistance, inductance = self.resistance(symbols), self.value(symbols, "circuit.inductance")
             voltages, currents = self.voltages(symbols), self.currents(symbols)
             if self.model == "dc":
                 induced = [self.value(symbols, "circuit.voltage_constant") * speed]
@@ -427,9 +459,24 @@ class Drive(Controller):
                 (voltage - resistance * current - back) / inductance
                 for voltage, current, back in zip(voltages, currents, induced, strict=True)
             ]
+        if self.heat:
+            rates += self._heating(symbols)
         if self.servo is not None:
             rates += self.servo.rates(self, symbols)
         return casadi.vertcat(*rates)
+
+    def _heating(self, symbols: Symbols) -> list[casadi.SX]:
+        """The rates of the temperatures of winding and housing, K/s."""
+        import casadi
+
+        heat, (winding, housing), (_, speed) = self.heat, self.temperatures(symbols), self.rotor(symbols)
+        squares = sum((i * i for i in self.currents(symbols)), symbols.zero)
+        copper = (1.5 if self.model == "dq" else 1.0) * self.resistance(symbols) * squares
+        viscous, coulomb = self.value(symbols, "loss.viscous"), self.value(symbols, "loss.coulomb")
+        rubbed = heat["friction_share"] * (viscous * speed * speed + coulomb * casadi.fabs(speed))
+        inside = (winding - housing) / heat["winding_resistance"]
+        outside = (housing - heat["ambient"]) / heat["housing_resistance"]
+        return [(copper - inside) / heat["winding_capacity"], (inside - outside + rubbed) / heat["housing_capacity"]]
 
     def auxiliary_start(self, symbols: Symbols) -> casadi.SX:
         """Its states where it holds the joint's load at the start: the gear is wound up and the integrators are set."""
@@ -445,6 +492,8 @@ class Drive(Controller):
         if self.model != "torque":
             found.append(torque / self.value(symbols, "circuit.torque_constant"))
             found += [symbols.zero] if self.model == "dq" else []
+        if self.heat:
+            found += [casadi.SX(self.heat["winding"]), casadi.SX(self.heat["housing"])]
         if self.servo is not None:
             found += self.servo.start(self, symbols, casadi.SX(torque))
         return casadi.vertcat(*found)
@@ -460,6 +509,7 @@ class Drive(Controller):
         if self.model != "torque":
             found += ["current [A]", "voltage [V]"]
             found += ["d current [A]"] if self.model == "dq" else []
+            found += list(TEMPERATURES) if self.heat else []
         if self.is_limited:
             found.append("command over limit [1]")
         if self.servo is not None:
@@ -486,6 +536,8 @@ class Drive(Controller):
             for values in (self.currents(symbols), self.voltages(symbols)):
                 found.append(casadi.sqrt(values[0] ** 2 + values[1] ** 2))
             found.append(self.currents(symbols)[1])
+        if self.heat:
+            found += self.temperatures(symbols)
         if self.is_limited:
             found.append(self._command_over_limit(symbols))
         if self.servo is not None:
@@ -543,182 +595,3 @@ class RotorFriction(JointDryFriction):
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """None: it is part of the drive's."""
         return GeneralisedForce(symbols.joint_force(self.joint.v, 0.0), symbols.zero, symbols.zero, False)
-
-
-# ---- reading
-
-
-def read_drives(
-    read: Fields,
-    actuators: Mapping[str, Actuator],
-    robot: Robot,
-    context: ControlContext,
-    sticking: Sequence[str],
-    control: Sequence[Controller],
-    names: Sequence[str],
-) -> tuple[Drive, ...]:
-    """The drives of the entries of `actuators` that have a `model`.
-
-    `sticking` are the joints with dry friction of their own; `control` the scene's controllers; `names` are those of
-    its forces. Raises InputError.
-    """
-    entries, found = read.mapping("actuators", {}), []
-    for name in entries:
-        entry = entries.mapping(name)
-        if "model" not in entry:
-            for key in DRIVE_KEYS[1:]:
-                if key in entry:
-                    raise entry.error(
-                        key, f"'{key}' describes a drive in a simulation, which needs 'model' ({' or '.join(MODELS)})"
-                    )
-            continue
-        joint = joint_named(entries, name, name, robot)
-        drive = _drive(entry, joint, actuators[name], context)
-        if not drive.is_elastic and drive.friction is not None and name in sticking:
-            raise entry.error(
-                "model",
-                f"joint '{name}' has dry_friction or a brake, and the rotor's friction acts there too, since the "
-                "gear is rigid; write elastic, or rotor_friction: none and add the two",
-            )
-        for taken in names:
-            if taken in (drive.name, f"rotor_friction_{name}"):
-                raise entry.error("model", f"the name '{taken}' is taken by a force; give the force another name")
-        for part in control:
-            if name in [each.name for each in part.joints]:
-                raise entry.error(
-                    "servo", f"control '{part.name}' acts at joint '{name}' too, past the motor; remove one of the two"
-                )
-        found.append(drive)
-    return tuple(found)
-
-
-def _drive(entry: Fields, joint: RobotJoint, actuator: Actuator, context: ControlContext) -> Drive:
-    model = entry.choice("model", MODELS)
-    motor, gear = actuator.rows
-    conditions = actuator.judged_under
-    numbers = _gear_numbers(entry, joint, motor, gear)
-    loss, law = _friction_numbers(entry, motor)
-    circuit = _torque_limits(motor, conditions) if model == "torque" else _circuit(entry, model, motor, conditions)
-    curve = tuple(motor.peak_curve or ()) if model == "torque" else ()
-    servo, command = read_servo(entry, joint, model, context)
-    name = f"drive_{joint.name}"
-    return Drive(name, entry, (joint,), None, model, numbers, loss, law, circuit, curve, servo, command)
-
-
-def _circuit(entry: Fields, model: str, motor: Motor, conditions: Conditions) -> dict[str, float]:
-    """The figures of the windings and of the supply."""
-
-    def stated(key: str, value: float | None) -> float:
-        if value is None:
-            raise entry.error(
-                "model", f"model: {model} requires 'motor.{key}', which is not stated; state or assume it"
-            )
-        return value
-
-    bus = motor.nominal_voltage if conditions.voltage is None else conditions.voltage
-    hot = float(resistance_factor(conditions.winding_temperature))
-    resistance = stated("resistance", motor.resistance) * hot
-    inductance = stated("inductance", motor.inductance)
-    if model == "dc":
-        found = {
-            "resistance": resistance,
-            "inductance": inductance,
-            "torque_constant": stated("torque_constant", motor.dc_torque_constant),
-            "voltage_constant": stated("torque_constant", motor.dc_voltage_constant),
-        } | ({} if bus is None else {"voltage": bus})
-        return found | ({} if motor.peak_electrical_torque is None else {"peak_torque": motor.peak_electrical_torque})
-    if motor.torque_constant_basis not in PER_AMPLITUDE:
-        raise entry.error(
-            "model",
-            "model: dq requires a torque constant per phase current: torque_constant_basis phase_rms or phase_peak",
-        )
-    share = PER_AMPLITUDE[motor.torque_constant_basis]
-    constant = stated("torque_constant", motor.torque_constant) * share
-    inside = motor.ratio or 1.0 if motor.kind == "actuator" else 1.0
-    found = {
-        "resistance": 0.5 * resistance,
-        "inductance": 0.5 * inductance,
-        "torque_constant": constant,
-        "pole_pairs": stated("pole_pairs", motor.pole_pairs) * inside,
-    } | ({} if bus is None else {"voltage": bus / math.sqrt(3.0)})
-    if motor.peak_current is not None:
-        most = motor.peak_current / share
-        found |= {"peak_current": most, "peak_torque": constant * most}
-    return found
-
-
-def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) -> dict[str, float]:
-    ratio = 1.0 if gear.ratio is None else gear.ratio
-    if not LEAST_RATIO <= ratio <= 1.0 / LEAST_RATIO:
-        raise entry.error("model", f"expected a ratio of {LEAST_RATIO:g} to {1.0 / LEAST_RATIO:g}, found {ratio:g}")
-    if "elastic" not in entry:
-        return {"ratio": ratio}
-    elastic = entry.mapping("elastic")
-    elastic.only(("stiffness", "damping", "backlash"))
-    if "stiffness" in elastic or gear.stiffness is None:
-        stiffness = number(elastic, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
-    else:
-        stiffness = gear.stiffness
-    damping = number(elastic, "damping", joint_unit(joint, "damping"), bound=NONNEGATIVE)
-    backlash = number(elastic, "backlash", joint_unit(joint, "position"), gear.backlash or 0.0, NONNEGATIVE)
-    elastic.done()
-    missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia),
-                                      ("gear.efficiency", gear.efficiency)) if value is None]  # fmt: skip
-    if missing:
-        raise entry.error("elastic", f"an elastic gear requires {' and '.join(missing)}; state or assume it")
-    assert motor.rotor_inertia is not None and gear.inertia is not None and gear.efficiency is not None
-    inertia, back = motor.rotor_inertia + gear.inertia, gear.driven_efficiency
-    if not inertia > 0.0:
-        raise entry.error(
-            "elastic", "behind an elastic gear the rotor turns by itself; give it an inertia of more than 0"
-        )
-    assert back is not None
-    return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping, "backlash": backlash,
-            "efficiency": gear.efficiency, "back_efficiency": back}  # fmt: skip
-
-
-def _friction_numbers(entry: Fields, motor: Motor) -> tuple[dict[str, float], str]:
-    """The friction of the rotor: `rotor_friction`, or that of the motor."""
-    given = entry.raw("rotor_friction", None)
-    if isinstance(given, str):
-        entry.choice("rotor_friction", ("none",))
-        return {"coulomb": 0.0, "static": 0.0, "speed": 1.0, "viscous": 0.0}, LAWS[0]
-    if given is None:
-        coulomb, viscous = motor.coulomb_torque, motor.viscous_coefficient
-        if coulomb is None or viscous is None:
-            raise entry.error(
-                "model",
-                "a drive requires the motor's friction, which is not stated; state motor.coulomb_friction and "
-                "motor.viscous_friction, or write rotor_friction {coulomb, viscous} or none",
-            )
-        return {"coulomb": coulomb, "static": coulomb, "speed": 1.0, "viscous": viscous}, LAWS[0]
-    read = entry.mapping("rotor_friction")
-    read.only((*LOSS, "law"))
-    coulomb = number(read, "coulomb", "N m", bound=NONNEGATIVE)
-    static = number(read, "static", "N m", coulomb, NONNEGATIVE)
-    if static < coulomb:
-        raise read.error("static", f"expected at least 'coulomb', {coulomb:g}, found {static:g}")
-    if "static" in read and static > coulomb and "speed" not in read:
-        raise read.error("static", "'static' requires 'speed', over which friction falls from it to 'coulomb'")
-    found = {"coulomb": coulomb, "static": static, "speed": number(read, "speed", "rad/s", 1.0, POSITIVE),
-             "viscous": number(read, "viscous", "N m s/rad", 0.0, NONNEGATIVE)}  # fmt: skip
-    law = read.choice("law", LAWS, LAWS[0])
-    read.done()
-    return found, law
-
-
-def _torque_limits(motor: Motor, conditions: Conditions) -> dict[str, float]:
-    """a and b of each known limit |a T + b ω| ≤ 1 that bounds the torque."""
-    found = dict[str, float]()
-    for limit in short_time_limits(MotorArrays.of((motor,)), conditions):
-        a, b = float(limit.torque[0]), float(limit.speed[0])
-        if math.isfinite(a) and math.isfinite(b) and a > 0.0:
-            k = len(found) // 2
-            found |= {f"a{k}": a, f"b{k}": b}
-    return found
-
-
-def separate_rotors(fields: Fields) -> tuple[str, ...]:
-    """The joints whose rotor has states of its own, so that its inertia is not the joint's. Raises InputError."""
-    entries = fields.mapping("actuators", {})
-    return tuple(name for name in entries if {"model", "elastic"} <= {*entries.mapping(name)})

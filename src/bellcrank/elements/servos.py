@@ -291,7 +291,7 @@ class Servo:
         integrators = values[: self.axes]
         errors = self._current_errors(drive, symbols)
         commands = self._voltages(drive, symbols, errors, integrators)
-        voltages = drive.within_voltage(commands)
+        voltages = drive.within_voltage(symbols, commands)
         period = self.samples["current"]
         rates = self._current_rates(drive, symbols, errors, commands, voltages, 1.0 / period)
         return self._queued(
@@ -421,7 +421,7 @@ class Servo:
         import casadi
 
         circuit, inductance, flux = drive.circuit, drive.value(symbols, "circuit.inductance"), drive.flux(symbols)
-        most, bus = circuit.get("peak_current"), circuit.get("voltage")
+        most, bus = circuit.get("peak_current"), drive.largest_voltage(symbols)
         if most is not None:
             wanted = casadi.fmax(casadi.fmin(wanted, most), -most)
         if bus is None:
@@ -461,7 +461,7 @@ class Servo:
             rates["speed"] = [(kp * error + torque - asked) / ti]
         if self.current and "current" not in self.samples:
             errors, commands = self._current_errors(drive, symbols), self.command(drive, symbols)
-            voltages = drive.within_voltage(commands)
+            voltages = drive.within_voltage(symbols, commands)
             rates["current"] = self._current_rates(drive, symbols, errors, commands, voltages)
         for loop in self.samples:
             rates[loop] = [symbols.zero] * len(self._beginnings(loop))
@@ -495,7 +495,7 @@ class Servo:
         elif "ti" in self.speed:
             found.append(speed)
         if self.current:
-            resistance = drive.value(symbols, "circuit.resistance")
+            resistance = drive.resistance(symbols, drive.heat.get("winding"))
             current = torque / drive.value(symbols, "circuit.torque_constant")
             if self.axes == 1:
                 voltages = [resistance * current + drive.value(symbols, "circuit.voltage_constant") * turning]

@@ -29,6 +29,7 @@ from bellcrank.elements.drives import Drive
 from bellcrank.elements.element import Element, Force, read_frame, read_joint
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.rolling_constraint import RollingDisk
+from bellcrank.elements.supply import Supply
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.events import read_expression
@@ -154,7 +155,7 @@ def read_outputs(
         outputs[name] = Output(name, kinds[there[0]](entry))
         entry.done()
     for part in parts:
-        if isinstance(part, Drive) and output_of(outputs, part) is None:
+        if isinstance(part, Drive | Supply) and output_of(outputs, part) is None:
             name = part.name
             while name in outputs:
                 name += "_"

@@ -30,7 +30,7 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission, transm
 from bellcrank.actuators.mount import Mount, mounts_from_fields
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
-from bellcrank.elements.drives import separate_rotors
+from bellcrank.elements.drive_fields import separate_rotors
 from bellcrank.elements.dry_friction import dry_joints
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
@@ -58,7 +58,7 @@ CONFIG_KEYS = (
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
-    "joints", "joint_stops",
+    "joints", "joint_stops", "supply",
 )  # fmt: skip
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]

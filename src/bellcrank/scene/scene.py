@@ -28,7 +28,8 @@ from bellcrank.elements.constraints import read_constraints
 from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import read_control
-from bellcrank.elements.drives import Drive, RotorFriction, read_drives
+from bellcrank.elements.drive_fields import read_drives
+from bellcrank.elements.drives import Drive, RotorFriction
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint, read_dry_friction
 from bellcrank.elements.element import Element, Force
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
@@ -45,6 +46,7 @@ from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parame
 from bellcrank.elements.pin_friction import read_pin_friction
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
+from bellcrank.elements.supply import Supply, read_supply
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust, read_text
 from bellcrank.motion.entry_kinds import csv_texts
@@ -307,6 +309,11 @@ class Scene(Portable):
         return tuple(part for part in self.control if isinstance(part, Drive))
 
     @property
+    def supply(self) -> Supply | None:
+        """The supply of the drives, which is among the forces; None: their bus keeps its voltage."""
+        return next((part for part in self.forces if isinstance(part, Supply)), None)
+
+    @property
     def _rotor_friction(self) -> tuple[RotorFriction, ...]:
         return tuple(drive.friction for drive in self.drives if drive.friction is not None)
 
@@ -566,7 +573,10 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     control_context = ControlContext(Driven.of(robot, motors), config.motions, motion_of, formulas, initial.clock, held)
     control = read_control(read, control_context)
     taken = [force.name for force in forces]
-    control = (*control, *read_drives(read, config.actuators, robot, control_context, sticking, control, taken))
+    drives = read_drives(read, config.actuators, robot, control_context, sticking, control, taken)
+    if supply := read_supply(read, config.conditions, drives, config.actuators, taken):
+        drives, forces = supply.drives, (*forces, supply)
+    control = (*control, *drives)
     refuse_joints_off_paths(constraints, control, robot, config.motions)
     parts: tuple[Element, ...] = (*forces, *control, *constraints)
     parameters = read_parameters(read, robot, parts)

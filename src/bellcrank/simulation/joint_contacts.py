@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.elements.drives import BUS
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.supply import BAND
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
@@ -74,6 +76,10 @@ def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
     for k, (drive, found) in enumerate(limited):
         what = "torque" if drive.model == "torque" else "voltage"
         yield ("at its limit" if k == 0 else "", f"{drive.joint.name}: {what} {_told(run, found)}")
+    if (supply := run.scene.supply) is not None:
+        bus, given, burnt = _supply_states(run)
+        resistor = "" if supply.brake is None else f", brake resistor {burnt[-1]:.5g} J"
+        yield "bus", f"{bus.min():.5g} to {bus.max():.5g} V; source {given[-1]:.5g} J{resistor}"
     first = True
     for stop in run.scene.stops_of_joints:
         hits, held = impacts_at_stops(run, stop.joint.name), intervals_at_stops(run, stop.joint.name)
@@ -125,6 +131,37 @@ def simultaneous_impacts(run: Trajectory) -> tuple[Note, ...]:
             "mechanics alone"
         ),
     )
+
+
+def largest_bus_voltage(run: Trajectory) -> float:
+    """The largest voltage of the bus at the rows of a run, V."""
+    return float(_supply_states(run)[0].max())
+
+
+def bus_limit(run: Trajectory) -> tuple[Note, ...]:
+    """A note where drives that brake lift the bus above the voltage at which the brake resistor is fully on."""
+    supply = run.scene.supply
+    if supply is None or supply.largest is None:
+        return ()
+    bus = _supply_states(run)[0]
+    above = np.flatnonzero(bus > (1.0 + BAND) * supply.largest)
+    if not len(above):
+        return ()
+    why = "there is no brake resistor" if supply.brake is None else "the brake resistor takes too little"
+    return (
+        Note(
+            f"the bus reaches {bus.max():.5g} V, above bus_max_voltage {supply.largest:g} V, from {run.time[above[0]]:.5g} s "
+            f"on: {why} (conditions: brake_resistance, bus_capacitance)"
+        ),
+    )
+
+
+def _supply_states(run: Trajectory) -> tuple[Array, Array, Array]:
+    """Bus voltage (n,), V, and the energies of source and brake resistor (n,), J."""
+    states = run.scene.auxiliary_states
+    first = sum(each.size for each in states[: states.index(BUS)])
+    bus, given, burnt = run.auxiliary[:, first : first + BUS.size].T
+    return bus, given, burnt
 
 
 def _stop(run: Trajectory, joint: str) -> JointStop:

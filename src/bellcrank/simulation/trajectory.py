@@ -407,11 +407,11 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0).notes
             ()
         """
-        from bellcrank.simulation.joint_contacts import shared_rest, simultaneous_impacts
+        from bellcrank.simulation.joint_contacts import bus_limit, shared_rest, simultaneous_impacts
         from bellcrank.simulation.reached import reached_notes
         from bellcrank.simulation.scene_notes import scene_notes
 
-        own = (*reached_notes(self), *shared_rest(self), *simultaneous_impacts(self))
+        own = (*reached_notes(self), *shared_rest(self), *simultaneous_impacts(self), *bus_limit(self))
         return ranked((*own, *scene_notes(self.scene, self.settings.duration)))
 
     @property

@@ -13,6 +13,7 @@ from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.supply import Supply
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank.sizing.holding_scene_forces import scene_holding_torques
 from bellcrank.sizing.holding_search import Holding
@@ -37,7 +38,7 @@ def holding_torques(mechanism: Mechanism, motions: Sequence[Motion], mass_tolera
         note = "holding torques are the largest at the postures of the motions: the constraints tie the joints together"
         return Holding(found.joints, found.torque, found.position, (note,))
     assert isinstance(mechanism, OpenChain)
-    resisting = Damper | Friction | DryFriction | JointStop
+    resisting = Damper | Friction | DryFriction | JointStop | Supply
     acting = [force for force in mechanism.equations.forces if not isinstance(force, resisting)]
     if not acting:
         statics = mechanism if mechanism.equations.sets_tree else None

@@ -26,7 +26,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.joint_contacts import AT_LIMIT, drive_columns
+from bellcrank.simulation.joint_contacts import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.text_tables import TableContent, text_table
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s
 LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", "command_over_limit": "",
-                 "winding_temperature": "°C"}  # fmt: skip
+                 "winding_temperature": "°C", "bus_voltage": "V"}  # fmt: skip
 LONGEST_REST = 1e6  # s
 BAND: Final = {"rad": 1e-3, "m": 1e-4}  # within which a joint has settled
 
@@ -83,6 +83,7 @@ class SelectionVerification(WithNotes):
         axes: Each axis along each motion.
         tool_errors: By motion the largest distance (m) of the frame from where the motion has it.
         frame: The frame.
+        bus_voltages: By motion the largest voltage of the bus, V; empty without a `supply`.
         drives: Resonances, bandwidth and margins of each drive at the start; empty where they cannot be computed.
         limits: The limits that were given, by name.
         unfinished: (motion, reason) of runs that ended early.
@@ -94,6 +95,7 @@ class SelectionVerification(WithNotes):
     axes: tuple[FollowedAxis, ...]
     tool_errors: Mapping[str, float]
     frame: str
+    bus_voltages: Mapping[str, float]
     drives: tuple[DriveDynamics, ...]
     limits: Mapping[str, float]
     unfinished: tuple[tuple[str, str], ...]
@@ -109,12 +111,15 @@ class SelectionVerification(WithNotes):
         found = [f"motion '{motion}': the run ended early: {why}" for motion, why in self.unfinished]
         found += [f"drive of {drive.joint}: its loop is unstable" for drive in self.drives if drive.stable is False]
         for name, limit in self.limits.items():
-            if name == "tool_error":
+            if name in ("tool_error", "bus_voltage"):
+                values = self.tool_errors if name == "tool_error" else self.bus_voltages
                 found += [
-                    f"motion '{motion}': tool error {error:.4g} m is above {limit:g}"
-                    for motion, error in self.tool_errors.items()
-                    if not error <= limit
+                    f"motion '{motion}': {name.replace('_', ' ')} {value:.4g} {LIMITS[name]} is above {limit:g}"
+                    for motion, value in values.items()
+                    if not value <= limit
                 ]
+                if not values:
+                    found.append(f"{name.replace('_', ' ')} is unknown: the scene has no 'supply'")
                 continue
             for axis in self.axes:
                 value = getattr(axis, name)
@@ -166,6 +171,9 @@ class SelectionVerification(WithNotes):
         if self.frame:
             errors = ", ".join(f"{error:.4g} m along {motion}" for motion, error in self.tool_errors.items())
             parts.append(f"largest distance of frame '{self.frame}' from its path: {errors}")
+        if self.bus_voltages:
+            peaks = ", ".join(f"{value:.4g} V along {motion}" for motion, value in self.bus_voltages.items())
+            parts.append(f"largest voltage of the bus: {peaks}")
         parts += [
             f"drive of {drive.joint}: {'; '.join(f'{name} {value}' for name, value in drive.rows())}"
             for drive in self.drives
@@ -199,6 +207,7 @@ class SelectionVerification(WithNotes):
             "axes": [{key: finite(value) for key, value in asdict(one).items()} for one in self.axes],
             "tool_errors": {motion: finite(error) for motion, error in self.tool_errors.items()},
             "frame": self.frame,
+            "bus_voltages": {motion: finite(value) for motion, value in self.bus_voltages.items()},
             "drives": [drive.to_dict() for drive in self.drives],
             "limits": dict(self.limits),
             "band": dict(self.band),
@@ -253,7 +262,7 @@ def verify_selection(
         frame: The frame whose distance from its path is measured; by default the last one under `frames`, or the last
             link of an open chain.
         limits: Limits by name: "tracking_error" (rad or m), "tool_error" (m), "settling_time" (s),
-            "command_over_limit" (1) and "winding_temperature" (°C).
+            "command_over_limit" (1), "winding_temperature" (°C) and "bus_voltage" (V).
         sample_time: Of servos that the file does not describe, s.
         overrides: Values of the scene to change, by dotted path.
         trust: Folders whose files the scene may name, besides those near it.
@@ -297,6 +306,7 @@ def verify_selection(
         robot=whole.name,
         axes=tuple(axes),
         tool_errors={} if not point else {name: _tool_error(run, name, point) for name, run in runs.items()},
+        bus_voltages={name: largest_bus_voltage(run) for name, run in runs.items() if run.scene.supply is not None},
         frame=point,
         drives=drives,
         limits=given_limits,

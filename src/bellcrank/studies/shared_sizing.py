@@ -22,6 +22,7 @@ from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Damper, Friction
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.supply import Supply
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.traced_tree import MASS, SCALE
 from bellcrank.scene.scene import Scene
@@ -174,7 +175,7 @@ class SharedSizing(Portable):
     @property
     def reports_holding(self) -> bool:
         """Whether holding torques are measures: of an open chain under gravity alone."""
-        resisting = Damper | Friction | DryFriction | JointStop
+        resisting = Damper | Friction | DryFriction | JointStop | Supply
         acting = [force for force in self.mechanism.equations.forces if not isinstance(force, resisting)]
         return not self.mechanism.closed and not acting and HoldingSearch.covers(self.mechanism.robot)
 
