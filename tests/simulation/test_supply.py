@@ -18,6 +18,7 @@ OWN = {"resistance": 0.5}
 HEAT = {"resistance_winding_housing": 2.0, "resistance_housing_ambient": 6.0, "time_constant_winding": 10.0,
         "time_constant_motor": 400.0}  # fmt: skip
 HOT = MOTOR | HEAT
+LOOPS = {"position": {"kp": 30}, "speed": {"kp": 0.1, "ti": 0.05}, "current": {"kp": 1, "ki": 400}}
 VOLTS = "48*sin(12*t)"
 
 
@@ -171,7 +172,7 @@ def test_a_verified_selection_says_how_high_its_bus_goes_and_keeps_a_limit_on_it
 
 
 def test_margins_are_those_of_the_bus_at_rest_and_of_the_winding_at_its_first_temperature(tmp_path: Path) -> None:
-    servo = {"target": 0.0, "position": {"kp": 30}, "speed": {"kp": 0.1, "ti": 0.05}, "current": {"kp": 1, "ki": 400}}
+    servo = LOOPS | {"target": 0.0}
     warm = {"model": "dc", "motor": HOT, "servo": servo, "temperatures": {"winding": 110}}
     on_bus = bc.linearise(scene(tmp_path, warm, conditions=BUS, supply=OWN)).drives[0]
     plain = {"model": "dc", "servo": servo, "winding_temperature": 110}

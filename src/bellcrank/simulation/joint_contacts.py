@@ -150,8 +150,8 @@ def bus_limit(run: Trajectory) -> tuple[Note, ...]:
     why = "there is no brake resistor" if supply.brake is None else "the brake resistor takes too little"
     return (
         Note(
-            f"the bus reaches {bus.max():.5g} V, above bus_max_voltage {supply.largest:g} V, from {run.time[above[0]]:.5g} s "
-            f"on: {why} (conditions: brake_resistance, bus_capacitance)"
+            f"the bus reaches {bus.max():.5g} V, above bus_max_voltage {supply.largest:g} V, from "
+            f"{run.time[above[0]]:.5g} s on: {why} (conditions: brake_resistance, bus_capacitance)"
         ),
     )
 
