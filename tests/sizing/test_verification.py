@@ -111,3 +111,38 @@ def test_judge_simulates_on_request_and_its_exit_code_says_whether_limits_are_ke
     assert told["kept"] is False and told["axes"][0]["joint"] == "shoulder"
     assert main(["judge", path, "--limit", "tracking_error=1"]) == 2
     assert "add --simulate" in capsys.readouterr().err
+
+
+def test_a_selection_passes_over_drives_that_do_not_follow(chosen: Path, tmp_path: Path) -> None:
+    first = bc.select("geared_pendulum", makers=["maxon"])
+    error = max(axis.tracking_error for axis in bc.verify_selection(first).axes)
+    loose = bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"tracking_error": 2.0 * error})
+    assert loose.axis("shoulder").chosen.id == first.axis("shoulder").chosen.id and loose.follows and loose.inside
+    tight = bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"tracking_error": 0.9 * error})
+    assert tight.follows and tight.axis("shoulder").chosen.id != first.axis("shoulder").chosen.id
+    assert tight.verification is not None and tight.verification.axes[0].tracking_error <= 0.9 * error
+    passed = [text for text in tight.warnings if text.startswith("passed over in simulation: shoulder: ")]
+    assert any(first.axis("shoulder").chosen.id in text and "tracking error" in text for text in passed)
+    document = json.loads(tight.to_json(tmp_path / "selection.json").read_text())
+    assert document["simulated"]["verification"]["kept"] is True
+
+
+def test_a_selection_that_no_drive_follows_well_enough_is_not_inside(tmp_path, capsys) -> None:
+    selection = bc.select("geared_pendulum", makers=["maxon"], candidates=2, simulated_limits={"tracking_error": 1e-12})
+    assert not selection.inside and not selection.verified and "in simulation: " in str(selection)
+    assert any("no combination that was tried" in text for text in selection.warnings)
+    options = [
+        "--limit",
+        "tracking_error=1e-12",
+        "--top",
+        "2",
+        "--maker",
+        "maxon",
+        "--no-plots",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(["select", "geared_pendulum", *options]) == 1
+    assert "tracking error" in capsys.readouterr().out
+    with pytest.raises(bc.InputError, match="unknown limit 'error'"):
+        bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"error": 1.0})

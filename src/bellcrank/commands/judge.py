@@ -9,20 +9,20 @@ from pathlib import Path
 from bellcrank.commands.options import (
     add_accept_unknown,
     add_allow_massless,
+    add_limit,
     add_robot_and_motions,
     add_set,
     add_trust,
     config_with_changes,
     number_option,
+    parse_limit,
     parse_payload,
 )
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.select import add_conditions, conditions
 from bellcrank.commands.size import parse_share
-from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file
-from bellcrank.messages import unknown_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,14 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frame", metavar="NAME", help="with --simulate: the frame whose distance from its path is measured"
     )
-    parser.add_argument(
-        "--limit",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="with --simulate: a limit that the simulated drives must keep: tracking_error, tool_error, settling_time, "
-        "command_over_limit or winding_temperature, such as tracking_error='0.1 deg'; may be repeated",
-    )
+    add_limit(parser, "with --simulate: a limit that the simulated drives must keep")
     parser.add_argument("--out", type=output_path, metavar="FILE", help="write every criterion as JSON to this file")
 
 
@@ -75,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.verdict_tables import table, verdict
 
     payloads = [parse_payload(text) for text in arguments.payload]
-    limits = dict(map(_limit, arguments.limit))
+    limits = dict(map(parse_limit, arguments.limit))
     if limits and not arguments.simulate:
         raise InputError("--limit is for drives that are simulated; add --simulate")
     tolerance, given = parse_share(arguments.mass_tolerance), conditions(arguments)
@@ -127,21 +120,3 @@ def _simulated(arguments: argparse.Namespace, limits: dict[str, float]) -> bool:
     if arguments.out is not None:
         print(f"wrote {found.to_json(arguments.out.with_name(f'{arguments.out.stem}_simulated.json'))}")
     return found.kept
-
-
-def _limit(text: str) -> tuple[str, float]:
-    """(name, value) of NAME=VALUE. Raises InputError."""
-    name, sign, value = text.partition("=")
-    units = {
-        "tracking_error": "rad or m",
-        "tool_error": "m",
-        "settling_time": "s",
-        "winding_temperature": "°C",
-        "bus_voltage": "V",
-    }
-    if name.strip() not in (*units, "command_over_limit"):
-        raise InputError(f"--limit {text}: {unknown_name('limit', name.strip(), (*units, 'command_over_limit'))}")
-    try:
-        return name.strip(), parse_number(value.strip(), units.get(name.strip(), ""))
-    except ValueError as error:
-        raise InputError(f"--limit {text}: {error if sign else 'expected NAME=VALUE'}") from None

@@ -11,7 +11,7 @@ from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import whole_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file
-from bellcrank.messages import format_value
+from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.payload import Payload
@@ -47,6 +47,36 @@ def parse_payload(text: str) -> Payload:
         return Payload(parse_number(mass, "kg"), frame.strip())
     except (ValueError, InputError) as error:
         raise InputError(f"--payload {format_value(text)}: {error}") from None
+
+
+def add_limit(parser: argparse.ArgumentParser, what: str) -> None:
+    """The option --limit; `what` begins its help."""
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"{what}: tracking_error, tool_error, settling_time, command_over_limit, winding_temperature or "
+        "bus_voltage, such as tracking_error='0.1 deg'; may be repeated",
+    )
+
+
+def parse_limit(text: str) -> tuple[str, float]:
+    """(name, value) of a limit in simulation, NAME=VALUE. Raises InputError."""
+    name, sign, value = text.partition("=")
+    units = {
+        "tracking_error": "rad or m",
+        "tool_error": "m",
+        "settling_time": "s",
+        "winding_temperature": "°C",
+        "bus_voltage": "V",
+    }
+    if name.strip() not in (*units, "command_over_limit"):
+        raise InputError(f"--limit {text}: {unknown_name('limit', name.strip(), (*units, 'command_over_limit'))}")
+    try:
+        return name.strip(), parse_number(value.strip(), units.get(name.strip(), ""))
+    except ValueError as error:
+        raise InputError(f"--limit {text}: {error if sign else 'expected NAME=VALUE'}") from None
 
 
 def add_output_folder(parser: argparse.ArgumentParser, default: str) -> None:

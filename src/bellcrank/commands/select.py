@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 from bellcrank.commands.options import (
     add_accept_unknown,
     add_allow_massless,
+    add_limit,
     add_page,
     add_set,
     add_trust,
     config_with_changes,
     number_option,
     page_of,
+    parse_limit,
     parse_payload,
     whole_option,
 )
@@ -76,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
+    add_limit(parser, "a limit that the chosen drives must keep when they are simulated along the motions")
     add_conditions(parser)
     add_set(parser, "payloads.1.mass='5 kg'")
     parser.add_argument(
@@ -167,6 +170,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.sizing.sizing_files import remove_stale
 
     payloads = [parse_payload(text) for text in arguments.payload]
+    limits = dict(map(parse_limit, arguments.limit))
     kept, count = parse_kept(arguments.keep), whole_option("--top", arguments.top, 1, MOST_CANDIDATES)
     given = conditions(arguments)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
@@ -191,6 +195,7 @@ def run(arguments: argparse.Namespace) -> int:
             candidates=count or 12,
             payloads=payloads,
             allow_massless=arguments.allow_massless,
+            simulated_limits=limits or None,
         )
     except InputError as error:
         raise InputError(str(error).replace("argument 'keep'", "--keep", 1)) from None
@@ -210,6 +215,8 @@ def run(arguments: argparse.Namespace) -> int:
             files.append(report(selection, page))
         write_results(selection, folder, [path for path in files[len(RESULTS) :] if path.parent == folder])
     remove_stale(folder, earlier, files)
+    if selection.verification is not None:
+        print(f"\n{selection.verification}")
     print(f"\n{verdict(selection)}\n{written(files, folder)}")
     if arguments.write_config is not None:
         _write_config(selection, arguments.write_config)

@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s
 LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", "command_over_limit": "",
                  "winding_temperature": "°C", "bus_voltage": "V"}  # fmt: skip
+OF_MOTIONS: Final = ("tool_error", "bus_voltage")  # limits that are not those of an axis
 LONGEST_REST = 1e6  # s
 BAND: Final = {"rad": 1e-3, "m": 1e-4}  # within which a joint has settled
 
@@ -111,7 +112,7 @@ class SelectionVerification(WithNotes):
         found = [f"motion '{motion}': the run ended early: {why}" for motion, why in self.unfinished]
         found += [f"drive of {drive.joint}: its loop is unstable" for drive in self.drives if drive.stable is False]
         for name, limit in self.limits.items():
-            if name in ("tool_error", "bus_voltage"):
+            if name in OF_MOTIONS:
                 values = self.tool_errors if name == "tool_error" else self.bus_voltages
                 found += [
                     f"motion '{motion}': {name.replace('_', ' ')} {value:.4g} {LIMITS[name]} is above {limit:g}"
@@ -129,6 +130,18 @@ class SelectionVerification(WithNotes):
                 elif not value <= limit:
                     found.append(f"{words} {value:.4g} is above {limit:g}")
         return tuple(found)
+
+    @property
+    def exceeding(self) -> tuple[str, ...]:
+        """The names of the axes that exceed a limit of their own, or whose loop is unstable."""
+        unstable = [drive.joint for drive in self.drives if drive.stable is False]
+        over = [
+            axis.joint
+            for axis in self.axes
+            for name, limit in self.limits.items()
+            if name not in OF_MOTIONS and not (getattr(axis, name) is not None and getattr(axis, name) <= limit)
+        ]
+        return tuple(dict.fromkeys([*unstable, *over]))
 
     @property
     def kept(self) -> bool:
@@ -281,7 +294,7 @@ def verify_selection(
         (True, 0.00182)
     """
     rest = arguments.number("settle", settle, "s", least=0.0, most=LONGEST_REST)
-    given_limits = _checked_limits(limits)
+    given_limits = checked_limits(limits)
     period = arguments.number("sample_time", sample_time, "s", least=0.0)
     if not period > 0.0:
         arguments.refuse("sample_time", "a time of more than 0 (s)", sample_time)
@@ -320,14 +333,15 @@ def _cell(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _checked_limits(limits: Mapping[str, float] | None) -> dict[str, float]:
+def checked_limits(limits: Mapping[str, float] | None, name: str = "limits") -> dict[str, float]:
+    """Limits in simulation, by name. Raises InputError."""
     found: dict[str, float] = {}
     if limits is None:
         return found
-    for name, value in arguments.mapping("limits", limits, "a mapping such as {'tracking_error': 1e-3}").items():
-        if name not in LIMITS:
-            raise InputError(f"argument 'limits': {unknown_name('limit', name, LIMITS)}")
-        found[name] = arguments.number(f"limits.{name}", value, LIMITS[name], least=0.0)
+    for key, value in arguments.mapping(name, limits, "a mapping such as {'tracking_error': 1e-3}").items():
+        if key not in LIMITS:
+            raise InputError(f"argument '{name}': {unknown_name('limit', key, LIMITS)}")
+        found[key] = arguments.number(f"{name}.{key}", value, LIMITS[key], least=0.0)
     return found
 
 

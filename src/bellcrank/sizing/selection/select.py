@@ -64,6 +64,7 @@ def select(
     effort: int | None = None,
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
+    simulated_limits: Mapping[str, float] | None = None,
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> Selection:
@@ -103,6 +104,9 @@ def select(
             where the axes have more than 100 000 pairs together, of which no search tries every combination.
         payloads: Payloads besides those that the robot carries.
         allow_massless: Links without mass that motors may move, as for `size`.
+        simulated_limits: Limits that the chosen drives keep when they are simulated along the motions of a robot
+            configuration, by the names of `verify_selection`, such as {"tracking_error": 0.01}; candidates that do not
+            are passed over.
         overrides: Values of a scene, configuration or URDF to change, by dotted path, as for `size`.
         trust: Folders whose files a robot configuration or URDF may name, besides those near it.
 
@@ -124,6 +128,11 @@ def select(
     candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
     if effort is not None:
         effort = arguments.whole("effort", effort, least=0)
+    limits: dict[str, float] = {}
+    if simulated_limits is not None:
+        from bellcrank.sizing.verification import checked_limits
+
+        limits = checked_limits(simulated_limits, "simulated_limits")
     given = Conditions().updated(conditions)
     subject = sizing_subject(robot, motions, payloads, trust, overrides=overrides)
     own = None if subject.config is None else subject.config.catalogue
@@ -158,7 +167,7 @@ def select(
         *loads.warnings,
         *_assumed_notes(products, pairs, of_axes),
     ]
-    return replace(
+    whole = replace(
         selection,
         robot=robot_name,
         feedback=feedback,
@@ -166,6 +175,21 @@ def select(
         warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
         undetermined=(*undetermined_peaks(subject.mechanism, subject.motions, {}), *reached(subject.file_notes)),
     )
+    if not limits:
+        return whole
+    if subject.config is None:
+        raise InputError("argument 'simulated_limits': a selection for a bare robot has no file to simulate")
+    from bellcrank.sizing.followed_selection import followed_selection
+
+    def again(given_pairs: Mapping[str, str]) -> Selection:
+        return select(
+            robot, motions, catalogue, objective, conditions=conditions, duty=duty, keep={**kept, **given_pairs},
+            exclude=exclude, makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback,
+            candidates=candidates, effort=effort, payloads=payloads, allow_massless=allow_massless,
+            overrides=overrides, trust=trust,
+        )  # fmt: skip
+
+    return replace(followed_selection(whole, again, limits), simulated_limits=limits)
 
 
 def _products(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from bellcrank.motion.duty_program import DutyStep
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.robot_config import RobotConfig
+    from bellcrank.sizing.verification import SelectionVerification
 
 Verdict = Literal["inside", "exceeded", "unknown", "note"]
 Tier = Literal["all criteria shown", "passes what is known", "fails"]
@@ -179,6 +180,9 @@ class Selection(Portable, WithNotes):
         inputs: The mechanism and its motions; None where the selection does not hold them.
         undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine, and a `Note`
             on each force and loop of the robot's file that is not modelled.
+        verification: How the chosen drives follow the motions in simulation (`verify_selection`), where limits on it
+            were given; None otherwise, or where they could not be simulated.
+        simulated_limits: These limits by name, or none.
 
     Example:
         >>> import bellcrank as bc
@@ -201,6 +205,8 @@ class Selection(Portable, WithNotes):
     feedback: bool = True
     inputs: SelectionInputs | None = field(default=None, repr=False, compare=False)
     undetermined: tuple[str, ...] = ()
+    verification: SelectionVerification | None = field(default=None, repr=False, compare=False)
+    simulated_limits: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         chosen = ", ".join(f"{one.axis.name}: {one.chosen.id if one.chosen else 'nothing fits'}" for one in self.axes)
@@ -374,10 +380,11 @@ class Selection(Portable, WithNotes):
     @property
     def inside(self) -> bool:
         """Whether every axis has a pair that passes what is known, no criterion of the whole robot is exceeded, and the
-        motions determine the peaks.
+        motions determine the peaks; and the limits in simulation are kept, if any were given.
         """
         return (
             not self.undetermined
+            and self.follows
             and all(one.chosen is not None and one.chosen.tier != "fails" for one in self.axes)
             and all(result.verdict != "exceeded" for result in self.system)
         )
@@ -390,10 +397,16 @@ class Selection(Portable, WithNotes):
         return self.inside and not maybe_too_weak(self)
 
     @property
+    def follows(self) -> bool:
+        """Whether the chosen drives keep the limits in simulation; True where none were given."""
+        return not self.simulated_limits or (self.verification is not None and self.verification.kept)
+
+    @property
     def shown(self) -> bool:
         """Whether every criterion of the chosen pairs and of the whole robot is known and kept."""
         return (
             not self.undetermined
+            and self.follows
             and all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes)
             and all(result.verdict in ("inside", "note") for result in self.system)
         )

@@ -92,6 +92,7 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "warnings": list(selection.warnings),
         "notes": [note.to_dict() for note in selection.notes],
         **({"undetermined": list(selection.undetermined)} if selection.undetermined else {}),
+        **({"simulated": _simulated(selection)} if selection.simulated_limits else {}),
         "conditions": _conditions(selection.conditions),
         "units": UNITS,
         "cycles": [_cycle(selection, k) for k in range(len(selection.cycles))],
@@ -103,6 +104,12 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "pareto_proof": selection.pareto_proof,
     }
     return json_files.json_text(document)
+
+
+def _simulated(selection: Selection) -> dict[str, Any]:
+    """The limits in simulation, and how the chosen drives keep them; null where they could not be simulated."""
+    found = selection.verification
+    return {"limits": dict(selection.simulated_limits), "verification": None if found is None else found.as_dict()}
 
 
 def _conditions(conditions: Conditions) -> dict[str, Any]:

@@ -296,7 +296,11 @@ def _exceeded(selection: Selection) -> list[str]:
         for each in one.chosen.criteria
         if each.verdict == "exceeded"
     ]
-    return found + [f"all axes together: {each.text}" for each in selection.system if each.verdict == "exceeded"]
+    found += [f"all axes together: {each.text}" for each in selection.system if each.verdict == "exceeded"]
+    if selection.follows:
+        return found
+    return [*found, *(("limits in simulation: not known",) if selection.verification is None else
+                      (f"in simulation: {text}" for text in selection.verification.exceeded))]  # fmt: skip
 
 
 def _plural(title: str, count: int) -> str:
