@@ -349,7 +349,7 @@ def test_two_frictions_of_one_joint_and_unknown_joints_are_refused(block, tmp_pa
     with pytest.raises(bc.InputError, match="elbow"):
         bc.load_scene(tmp_path / "scene.yaml")
     (tmp_path / "scene.yaml").write_text("urdf: planar_2r\njoints: {elbow: {}}\n")
-    with pytest.raises(bc.InputError, match="expected 'dry_friction', 'stop' or 'brake', found nothing"):
+    with pytest.raises(bc.InputError, match="expected one of dry_friction, stop, brake, clutch, found nothing"):
         bc.load_scene(tmp_path / "scene.yaml")
 
 

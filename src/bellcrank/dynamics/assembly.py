@@ -187,11 +187,11 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
         if held_parts:
             joints = _stuck_joints(scene, s, gains)
-            of_joints = [row for row in joints.rows if row < robot.nv]
-            response = joints.responses(casadi.horzsplit(s.response(of_joints)) if of_joints else [], robot.nv)
+            units = joints.unit_forces(robot.nv)
+            response = joints.responses(casadi.horzsplit(s.response(units)) if units else [], robot.nv)
             inertia = joints.inertias(casadi.diag(mass_matrix(s)))
             before = casadi.vertcat(acceleration, z_rate)
-            forces = joints.forces(joints.accelerations(before), response, inertia, regular=True)
+            forces = joints.forces(joints.accelerations(before), response, inertia, regular=not joints.ways)
             acceleration, rates = _parted(joints.at_rest(before + response @ forces), robot.nv)
             held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), rates)
     for k, part in enumerate(held_parts[: held.forces.numel()]):

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.dynamics.path_geometry import path_notes
+from bellcrank.elements.clutch import Clutch
 from bellcrank.elements.drives import Drive
-from bellcrank.elements.dry_friction import JointDryFriction
+from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.joint_constraints import PrescribedMotion
@@ -51,9 +52,9 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
         if brakes := [
             part.held
             for part in mechanism.scene.forces
-            if isinstance(part, JointDryFriction) and part.engaged is not None
+            if isinstance(part, DryFriction) and (part.is_braked or isinstance(part, Clutch))
         ]:
-            found.append(f"brakes ({', '.join(brakes)}) are taken as released: the motion is given")
+            found.append(f"brakes and clutches ({', '.join(brakes)}) are taken as released: the motion is given")
         if pins := [part.held for part in mechanism.scene.forces if isinstance(part, PinFriction)]:
             found.append(f"friction of pins ({', '.join(pins)}) changes its side between the rows of the motion")
         stops = [part.joint.name for part in mechanism.scene.stops_of_joints]

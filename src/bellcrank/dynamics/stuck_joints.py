@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bellcrank.dynamics.constraint_derivatives import time_derivative
 from bellcrank.dynamics.kkt import REFINEMENTS, REGULARISATION
-from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
+from bellcrank.elements.dry_friction import DryFriction, RestingJoint
 from bellcrank.elements.element import Force
 from bellcrank.elements.joint_forces import JointForce
 from bellcrank.elements.joint_stops import JointStop
@@ -254,16 +254,14 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
     import casadi
 
     direction, moves, holds, slack = mode
-    braked = isinstance(part, JointDryFriction) and part.engaged is not None
     (least, most), velocity = part.limits(s), part.shaft(s).velocity
 
     def lasts(x: casadi.SX) -> casadi.SX:
-        share = x / most if part.rotor is None else casadi.if_else(x > 0.0, x / most, x / least)
-        if braked:
-            share = x / casadi.fmax(most, TINY)
+        high, low = (casadi.fmax(most, TINY), casadi.fmin(least, -TINY)) if part.is_braked else (most, least)
+        share = x / high if part.is_symmetric else casadi.if_else(x > 0.0, x / high, x / low)
         begins = (1.0 - direction * direction) * (STARTED * STARTED - velocity * velocity)
         found = moves * (direction * velocity + begins) + (1.0 - moves) * (1.0 + slack - share * share)
-        if not braked:
+        if not part.is_braked:
             return found
         free = 1.0 - 2.0 * casadi.fmax(holds, direction * direction)  # a released brake exerts no force
         return casadi.if_else(most > 0.0, found, free)

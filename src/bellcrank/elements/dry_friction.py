@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 LAWS: Final = ("exponential", "hyperbolic")
 KEY: Final = "dry_friction"
 BRAKE: Final = "brake"
+OF_A_JOINT: Final = (KEY, "stop", BRAKE, "clutch")  # the keys of an entry
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,21 @@ class DryFriction(Force):
     def rotor(self) -> tuple[AuxiliaryStates, int] | None:
         """Which of a drive's own states is the velocity of the rotor that it acts on; None: the robot moves it."""
         return None
+
+    @property
+    def row(self) -> int:
+        """The place of its velocity in v; −1: it is none of v, as at a pin of a loop."""
+        raise NotImplementedError
+
+    @property
+    def is_braked(self) -> bool:
+        """Whether its largest force may become 0."""
+        return False
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether it holds as much in both directions."""
+        return self.rotor is None
 
     def shaft(self, symbols: Symbols) -> Shaft:
         """What it acts on."""
@@ -195,6 +211,11 @@ class JointDryFriction(DryFriction, JointForce):
         """Whether the joint is prismatic."""
         return self.joint.kind == "prismatic"
 
+    @property
+    def row(self) -> int:
+        """The place of the joint's velocity in v."""
+        return self.joint.v
+
     def shaft(self, symbols: Symbols) -> Shaft:
         """The joint."""
         return Shaft(symbols.joint(self.joint).velocity, self.joint.v)
@@ -215,11 +236,12 @@ class JointDryFriction(DryFriction, JointForce):
     @property
     def formulas(self) -> tuple[Expression, ...]:
         """1 while the brake is engaged."""
-        if self.engaged is None:
-            return ()
-        return (
-            Expression("", Term("step", (self.engaged.term,)), f"step {self.engaged.meaning or self.engaged.text}"),
-        )
+        return () if self.engaged is None else (engagement(self.engaged),)
+
+    @property
+    def is_braked(self) -> bool:
+        """Whether it has a brake."""
+        return self.engaged is not None
 
     def braking(self, symbols: Symbols) -> casadi.SX:
         """What the brake adds to the friction, N m or N; 0 along motions that are given."""
@@ -252,10 +274,10 @@ def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Fo
     for name in joints:
         entry = joints.mapping(name)
         joint = joint_named(joints, name, name, formulas.robot)
-        entry.only((KEY, "stop", BRAKE))
+        entry.only(OF_A_JOINT)
         if KEY not in entry and BRAKE not in entry:
-            if "stop" not in entry:
-                raise joints.error(name, f"expected '{KEY}', 'stop' or '{BRAKE}', found nothing")
+            if not [*entry]:
+                raise joints.error(name, f"expected one of {', '.join(OF_A_JOINT)}, found nothing")
             continue
         part = _none(entry, joint)
         if KEY in entry:
@@ -285,14 +307,25 @@ def _none(entry: Fields, joint: RobotJoint) -> JointDryFriction:
 def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[float, Expression]:
     read.only(("torque", "engaged", "delay"))
     torque = number(read, "torque", joint_unit(joint, "torque"), bound=POSITIVE)
-    engaged = formulas.read(read, "engaged")
-    delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
-    if delay:
-        if not engaged.operations <= {"time", "number", "parameter"}:
-            raise read.error("delay", "a delay requires an 'engaged' that is a formula of time alone, such as t - 0.5")
-        engaged = delayed(engaged, delay)
+    engaged = read_engaged(read, formulas)
     read.done()
     return torque, engaged
+
+
+def read_engaged(read: Fields, formulas: FormulaReader) -> Expression:
+    """The formula `engaged`, later by `delay`. Raises InputError."""
+    engaged = formulas.read(read, "engaged")
+    delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
+    if not delay:
+        return engaged
+    if not engaged.operations <= {"time", "number", "parameter"}:
+        raise read.error("delay", "a delay requires an 'engaged' that is a formula of time alone, such as t - 0.5")
+    return delayed(engaged, delay)
+
+
+def engagement(engaged: Expression) -> Expression:
+    """1 while a formula is positive, else 0."""
+    return Expression("", Term("step", (engaged.term,)), f"step {engaged.meaning or engaged.text}")
 
 
 def friction_law(read: Fields, slides: bool, *more: str) -> dict[str, Any]:

@@ -81,6 +81,11 @@ class JointForce(Force):
         """Which of a drive's own states is the velocity of the rotor that it acts on; None: it acts on the joint."""
         return None
 
+    @property
+    def row(self) -> int:
+        """The place of the joint's velocity in v."""
+        return self.joint.v
+
     def shaft(self, symbols: Symbols) -> Shaft:
         """What it acts on: the joint, or a rotor."""
         return Shaft(symbols.joint(self.joint).velocity, self.joint.v)

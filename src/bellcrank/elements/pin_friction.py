@@ -48,6 +48,11 @@ class PinFriction(DryFriction):
         return isinstance(self.loop, Prismatic)
 
     @property
+    def row(self) -> int:
+        """−1: its velocity is none of v."""
+        return NO_ROW
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """The frames of its two sides."""
         return self.loop.frames

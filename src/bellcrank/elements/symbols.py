@@ -269,12 +269,12 @@ class Symbols:
         q, v, a, p = f.sx_in()
         return casadi.Function("inertia", [q, a, p], [casadi.densify(f(q, casadi.SX.zeros(v.shape), a, p))])
 
-    def response(self, rows: Sequence[int]) -> casadi.SX:
-        """M⁻¹ e (nv, k) of unit forces at the rows of v, by the articulated-body algorithm without gravity."""
+    def response(self, forces: Sequence[casadi.SX]) -> casadi.SX:
+        """M⁻¹ f (nv, k) of generalised forces (nv), by the articulated-body algorithm without gravity."""
         import casadi
 
         f, rest = _function(self._traced((0.0, 0.0, 0.0)).forward_dynamics()), casadi.SX.zeros(self.robot.nv, 1)
-        return casadi.horzcat(*[f(self.q, rest, self.joint_force(row, 1.0), self.tracer_parameters) for row in rows])
+        return casadi.horzcat(*[f(self.q, rest, force, self.tracer_parameters) for force in forces])
 
     def joint_force(self, index: int, value: casadi.SX | float) -> casadi.SX:
         """A generalised force (nv) with one entry."""

@@ -22,6 +22,7 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.auxiliary_states import AuxiliaryStates
+from bellcrank.elements.clutch import read_clutches
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.constraint_importers import imported_motors
 from bellcrank.elements.constraints import read_constraints
@@ -563,6 +564,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     formulas = FormulaReader(robot, context.parameters, OutputTerms(read, robot, context.parameters))
     forces = read_forces(read, formulas)
     forces = (*forces, *read_dry_friction(read, formulas, forces))
+    forces = (*forces, *read_clutches(read, formulas, forces))
     sticking = [part.held for part in forces if isinstance(part, DryFriction)]
     forces = (*forces, *read_pin_friction(constraints, forces, sticking))
     driven = [part.joint.name for part in constraints if isinstance(part, PrescribedMotion)]

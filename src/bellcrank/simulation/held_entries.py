@@ -15,9 +15,7 @@ from bellcrank.dynamics.system import system_of
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
-from bellcrank.elements.joint_forces import JointForce
 from bellcrank.elements.joint_stops import JointStop
-from bellcrank.elements.pin_friction import NO_ROW
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
 from bellcrank.elements.signals import Signal
 from bellcrank.simulation.integration_problem import HeldEntries
@@ -69,7 +67,7 @@ def mode_rows(scene: Scene) -> list[int]:
     for part in scene.parts_with_modes:
         own = part.rotor
         if own is None:
-            found.append(part.joint.v if isinstance(part, JointForce) else NO_ROW)
+            found.append(part.row)
         else:
             found.append(scene.robot.nv + sum(each.size for each in states[: states.index(own[0])]) + own[1])
     return found
