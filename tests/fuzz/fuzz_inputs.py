@@ -21,6 +21,7 @@ from fuzz_damage import Damage
 from fuzz_seeds import (  # fmt: skip
     CONFIGURATION,
     DAE,
+    DRIVEN,
     HELD,
     LOOP,
     MESHED,
@@ -54,7 +55,7 @@ def _mjcf(d: Damage) -> Case:
 
 
 def _scene(d: Damage) -> Case:
-    return Case({"scene.yaml": yaml_bytes(d, d.rng.choice([SCENE, HELD]))}, "scene", ("scene.yaml",))
+    return Case({"scene.yaml": yaml_bytes(d, d.rng.choice([SCENE, HELD, DRIVEN]))}, "scene", ("scene.yaml",))
 
 
 def _constraints(d: Damage) -> Case:

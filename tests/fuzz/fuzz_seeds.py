@@ -200,10 +200,46 @@ HELD: dict[str, Any] = {
         },
     },
 }
+MOTOR = {
+    "maker": "a", "model": "b", "torque_constant": 0.1, "torque_constant_basis": "dc", "resistance": 0.5,
+    "inductance": "1 mH", "rotor_inertia": 1e-4, "resistance_winding_housing": 2, "resistance_housing_ambient": 6,
+    "time_constant_winding": 10, "time_constant_motor": 400,
+}  # fmt: skip
+DRIVEN: dict[str, Any] = {
+    "urdf": "planar_2r",
+    "gravity": [0, -9.81, 0],
+    "conditions": {"voltage": 48, "bus_capacitance": "2 mF", "bus_max_voltage": 56, "brake_resistance": 5},
+    "supply": {"resistance": 0.5},
+    "joints": {
+        "elbow": {"clutch": {"with": "shoulder", "ratio": -1, "torque": 3, "engaged": "t - 0.01", "delay": 0.01}},
+    },
+    "actuators": {
+        "shoulder": {
+            "motor": MOTOR,
+            "gear": {"maker": "a", "model": "g", "kind": "planetary", "ratio": 100, "efficiency": 0.8, "inertia": 0,
+                     "inertia_side": "input"},
+            "model": "dc",
+            "elastic": {"stiffness": 1e4, "damping": 10, "backlash": 0.001},
+            "rotor_friction": {"coulomb": 0.01, "static": 0.02, "speed": 1, "viscous": 1e-4},
+            "temperatures": {"winding": 40, "housing": 30},
+            "servo": {"target": 0.1, "position": {"kp": 10}, "speed": {"kp": 0.1, "ti": 0.01},
+                      "current": {"kp": 1, "ki": 100}, "sample_time": {"speed": "1 ms"}},
+        }
+    },
+    "simulate": {"duration": 0.05, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
+}  # fmt: skip
 LOOP: dict[str, Any] = {
     "urdf": "four_bar",
     "frames": {"a": {"link": "coupler_link", "xyz": [1.2, 0, 0]}, "b": {"link": "rocker_link", "xyz": [1.2, 0, 0]}},
-    "constraints": [{"name": "apex", "kind": "point", "frame_a": "a", "frame_b": "b"}],
+    "constraints": [
+        {
+            "name": "apex",
+            "kind": "point",
+            "frame_a": "a",
+            "frame_b": "b",
+            "dry_friction": {"coulomb": 0.5, "static": 0.7, "speed": 0.1, "axis": [0, 0, 1]},
+        }
+    ],
     "forces": [{"kind": "joint_spring", "joint": "crank", "preload": 1.96, "stiffness": 0.1}],
     "initial": {"crank": "1 deg", "coupler": {"guess": "359 deg"}, "rocker": {"guess": "1 deg"}},
     "simulate": {"duration": 0.2, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
