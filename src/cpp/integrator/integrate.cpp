@@ -54,14 +54,14 @@ struct Reading : ProblemReading {
             "integrate: a held entry for each switch and mode, and their functions");
     require(plain.held.response_rows >= 0 && plain.nq + plain.held.response_rows <= plain.n,
             "integrate: forces of modes accelerate entries of x");
+    require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
+                plain.held.work_row < plain.n,
+            "integrate: a kind and a position for each mode");
     for (std::size_t j = 0; j < mode_rows_.size(); ++j)
       require((mode_rows_[j] >= plain.nq && mode_rows_[j] < plain.nq + plain.held.response_rows) ||
                   (mode_rows_[j] == -1 && mode_kinds_[j] == 0),
               "integrate: modes are of velocities in x");
     for (const int place : mode_places_) require(place >= 0 && place < plain.nq, "integrate: stops are of positions in x");
-    require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
-                plain.held.work_row < plain.n,
-            "integrate: a kind and a position for each mode");
     for (auto [kernel, first, period] :
          get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {
       require(period > 0 && std::isfinite(first), "integrate: updates need a period");
