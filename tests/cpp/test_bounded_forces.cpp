@@ -55,8 +55,8 @@ std::int32_t block_switch(const double* const* in, double* const* out) {
 }
 std::int32_t block_turn(const double* const* in, double* const* out) {
   const double sliding = in[2][2] ? 0 : -mu * in[2][0];
-  const double found[] = {in[1][1], -in[1][0] + sliding, 1, -mu, mu, sliding, 0, 0, 0, 1};
-  return std::copy(found, found + 10, out[0]), 0;
+  const double found[] = {in[1][1], -in[1][0] + sliding, 1, 1, -mu, mu, sliding, 0, 0, 0, 1};
+  return std::copy(found, found + 11, out[0]), 0;
 }
 
 // x'' = -g of a ball above a stop at 0 with a restitution of 0.8; its mode: side, free, held, impulse.
@@ -71,8 +71,8 @@ std::int32_t ball_switch(const double* const* in, double* const* out) {
   return out[0][0] = in[2][2] ? g : in[1][0], 0;
 }
 std::int32_t ball_turn(const double* const* in, double* const* out) {
-  const double found[] = {in[1][1], -g, 1, 0, 0, 0, 0, 1e300, bounce, 1};
-  return std::copy(found, found + 10, out[0]), 0;
+  const double found[] = {in[1][1], -g, 1, 1, 0, 0, 0, 0, 1e300, bounce, 1};
+  return std::copy(found, found + 11, out[0]), 0;
 }
 
 constexpr int friction_kind[] = {0}, stop_kind[] = {1}, velocity_row[] = {1}, position_row[] = {0};
@@ -167,6 +167,22 @@ TEST_CASE("a load at the limit of a joint alone can move it") {
   CHECK(m.at_limit(0));
   CHECK(m.can_move(0, 1));
   CHECK_FALSE(m.moves(0, 1));
+}
+
+TEST_CASE("a joint without friction follows those that hold the same freedom, and only these") {
+  BoundedForces m(3);  // two joints of one freedom, the second without friction, and another freedom without any
+  const double matrix[] = {1, 2, 0, 2, 4, 0, 0, 0, 3}, right[] = {0.5, 1, 0.1}, high[] = {1, 0, 0};
+  for (int i = 0; i < 3; ++i) {
+    m.right[i] = right[i], m.high[i] = high[i], m.low[i] = -high[i];
+    for (int j = 0; j < 3; ++j) m.matrix[3 * i + j] = matrix[3 * i + j];
+  }
+  m.solve(3);
+  CHECK(m.force[0] == -0.5);
+  CHECK(m.force[1] == 0);
+  CHECK(m.force[2] == 0);
+  CHECK(m.holds(0));
+  CHECK(!m.can_move(1, 3, 1e-9));
+  CHECK(m.can_move(2, 3, 1e-9));
 }
 
 TEST_CASE("a Coulomb oscillator sticks as its closed form says") {
