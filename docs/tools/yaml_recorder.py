@@ -122,7 +122,8 @@ def _section(fields: Fields) -> str | None:
         return "constraints.NAME.dry_friction"
     if top in ("forces[]", "control[]", "constraints[]"):
         return None if rest else f"{top[:-2]}: {fields._data.get('kind', '?')}"
-    if top == "actuators" and rest.count(".") and rest.split(".")[1] in ("elastic", "rotor_friction", "temperatures", "servo"):
+    parts_of_drives = ("elastic", "rotor_friction", "temperatures", "servo")
+    if top == "actuators" and rest.count(".") and rest.split(".")[1] in parts_of_drives:
         return ".".join([top, "NAME", *rest.split(".")[1:]])
     if top in ("frames", "actuators", "mounts", "parameters", "outputs", "friction") and rest:
         return None if "." in rest else f"{top}.NAME"

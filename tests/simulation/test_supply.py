@@ -188,3 +188,8 @@ def test_a_run_on_a_bus_goes_on_from_a_saved_one(tmp_path: Path) -> None:
     )
     rest = bc.simulate(supplied(tmp_path, initial={"run": "half.npz"}, simulate={"duration": 0.2, "rtol": 1e-10}))
     assert supply(rest, "bus voltage [V]")[-1] == pytest.approx(supply(whole, "bus voltage [V]")[-1], abs=1e-5)
+
+
+def test_a_sizing_says_that_the_supply_acts_in_simulations_only(tmp_path: Path) -> None:
+    motions = {"swing": {"kind": "waypoints", "times": [0, 0.5], "positions": [{}, {"axis": 1.0}]}}
+    assert "supply acts in simulations only" in " ".join(bc.size(supplied(tmp_path, motions=motions)).warnings)

@@ -49,6 +49,8 @@ def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:
                 f"model, elastic, rotor_friction, temperatures and servo of actuators ({', '.join(drives)}) act in "
                 "simulations only: motors are judged as if joints followed the motion exactly"
             )
+        if mechanism.scene.supply is not None:
+            found.append("supply acts in simulations only: its bus is judged by 'conditions'")
         if brakes := [
             part.held
             for part in mechanism.scene.forces
