@@ -192,4 +192,5 @@ def test_a_run_on_a_bus_goes_on_from_a_saved_one(tmp_path: Path) -> None:
 
 def test_a_sizing_says_that_the_supply_acts_in_simulations_only(tmp_path: Path) -> None:
     motions = {"swing": {"kind": "waypoints", "times": [0, 0.5], "positions": [{}, {"axis": 1.0}]}}
-    assert "supply acts in simulations only" in " ".join(bc.size(supplied(tmp_path, motions=motions)).warnings)
+    scene_of = bc.load_scene(supplied(tmp_path, motions=motions))
+    assert "supply acts in simulations only" in " ".join(bc.size(scene_of).warnings)
