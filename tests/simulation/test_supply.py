@@ -192,5 +192,6 @@ def test_a_run_on_a_bus_goes_on_from_a_saved_one(tmp_path: Path) -> None:
 
 def test_a_sizing_says_that_the_supply_acts_in_simulations_only(tmp_path: Path) -> None:
     motions = {"swing": {"kind": "waypoints", "times": [0, 0.5], "positions": [{}, {"axis": 1.0}]}}
-    scene_of = bc.load_scene(supplied(tmp_path, motions=motions))
-    assert "supply acts in simulations only" in " ".join(bc.size(scene_of).warnings)
+    path = supplied(tmp_path, motions=motions)
+    for given in (path, bc.load_scene(path)):
+        assert "supply acts in simulations only" in " ".join(bc.size(given).warnings)

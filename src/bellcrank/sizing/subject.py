@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 OneMotion = Motion | str | Path
 DUTY_NOT_USED = "the duty program of the configuration is not used: the given motions are cycles of their own"
-SCENE_KEYS = (  # keys of a file that affect sizing
-    "constraints", "forces", "joints", "joint_stops", "control", "parameters", "initial", "base",
+SCENE_KEYS = (  # keys of a file that affect sizing, or of which it says that they do not
+    "constraints", "forces", "joints", "joint_stops", "control", "parameters", "initial", "base", "supply",
 )  # fmt: skip
 
 
