@@ -563,7 +563,7 @@ APEX = {"name": "apex", "kind": "point", "frame_a": "coupler_tip", "frame_b": "r
         ({"events.lock.when": {"singular_constraints": 0.1}, "constraints": []}, "the scene has no constraints"),
         ({"events.lock.when": {"singular_constraints": 0.1, "joint": "crank"}}, "expected one condition"),
         ({"events.lock.when": {"joint": "crank", "velocity": 1}, "events.lock.latch": True}, "found a velocity"),
-        ({"events.lock.latch": True, "events.lock.stop": False}, "a latch always ends the simulation"),
+        ({"events.lock.latch": True, "events.lock.stop": False}, "an event that latches ends the simulation"),
         ({"outputs.force": {"constraint": "base"}}, "unknown constraint 'base'"),
         ({"outputs.force": {"constraint": "apex", "what": "contact_point"}}, "'contact_point' requires a rolling disk"),
         ({"outputs.force": {"force": "apex"}}, "unknown force or controller 'apex'"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import bellcrank as bc
 
@@ -372,6 +373,60 @@ def test_gains_that_are_found_have_the_margins_that_are_promised(tmp_path: Path,
     assert (again.acceleration == run.acceleration).all()
 
 
+def state_space_of(cascade: dict[str, Any], period: float, **more: Any) -> dict[str, Any]:
+    """The servo of a cascade of position and speed as a state space, whose state is the integrator."""
+    kp, speed, ti = cascade["position"]["kp"], cascade["speed"]["kp"], cascade["speed"]["ti"]
+    row = speed * np.array([N * kp, N, -1.0])
+    matrices = {"A": [[1.0]], "B": [(period / ti * row).tolist()], "C": [[1.0]], "D": [row.tolist()]}
+    inputs = ["error", "reference_velocity", "rotor_velocity"]
+    kept = {key: value for key, value in cascade.items() if key in ("motion", "target", "encoder")}
+    return kept | {"state_space": {"inputs": inputs, "sample_time": period, **matrices, **more}}
+
+
+@pytest.mark.parametrize("encoder", ["motor", "load"])
+def test_a_servo_in_state_space_follows_as_the_cascade_that_it_describes(tmp_path: Path, encoder: str) -> None:
+    motion = {"swing": {"kind": "waypoints", "times": [0, 0.3], "positions": [{"axis": 0}, {"axis": 0.6}]}}
+    cascade = {"motion": "swing", "position": {"kp": 30}, "speed": {"kp": 0.04, "ti": 0.05}, "encoder": encoder}
+    elastic = {"elastic": {"stiffness": C, "damping": D}}
+    runs = []
+    for servo in (cascade | {"sample_time": 1e-3, "delay": 5e-4}, state_space_of(cascade, 1e-3, delay=5e-4)):
+        runs.append(bc.simulate(scene(tmp_path, elastic | {"servo": servo}, motions=motion)))
+    assert np.abs(runs[0].position - runs[1].position).max() < 1e-12
+    assert column(runs[0], "motor torque [N m]") == pytest.approx(column(runs[1], "motor torque [N m]"), abs=1e-11)
+    assert np.abs(column(runs[1], "tracking error [rad]")).max() > 1e-4
+
+
+def test_a_servo_in_state_space_has_the_margins_of_the_cascade_that_it_describes(tmp_path: Path) -> None:
+    cascade = {"target": 0.2, "position": {"kp": 30}, "speed": {"kp": 0.04, "ti": 0.05}}
+    found = []
+    for servo in (cascade | {"sample_time": 1e-3}, state_space_of(cascade, 1e-3)):
+        (drive,) = bc.linearise(scene(tmp_path, {"servo": servo})).drives
+        found.append((drive.gain_margin, drive.phase_margin, drive.bandwidth))
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_a_servo_in_state_space_commands_the_voltage_and_goes_on_from_a_saved_run(tmp_path: Path) -> None:
+    # i and φ measured: U = 20 (q_r − q) − 0.1 ω − 0.5 i, against the exact solution over each sample
+    period, gains = 2e-3, [20.0, -0.1, -0.5]
+    servo = {"target": 0.3, "state_space": {"inputs": ["error", "rotor_velocity", "current"], "D": [gains],
+             "sample_time": period}}  # fmt: skip
+    path = scene(tmp_path, {"model": "dc", "servo": servo}, simulate={"duration": 0.4, "samples": 201})
+    run = bc.simulate(path)
+    inertia = J + LOAD / N**2
+    a = np.array([[0, 1 / N, 0, 0], [0, 0, KT / inertia, 0], [0, -KT / L, -R / L, 1 / L], [0, 0, 0, 0]])
+    step = expm(a * period)
+    x, exact = np.zeros(4), []
+    for _ in range(201):
+        x[3] = gains[0] * (0.3 - x[0]) + gains[1] * x[1] + gains[2] * x[2]
+        exact.append(x.copy())
+        x = step @ x
+    assert np.abs(run.position[:, 0] - np.array(exact)[:, 0]).max() < 1e-9
+    assert np.abs(run.auxiliary[:, 0] - np.array(exact)[:, 2]).max() < 1e-8
+    bc.simulate(path, duration=0.2013).save(tmp_path / "half.npz")
+    rest = bc.simulate(path, overrides={"initial": {"run": "half.npz"}, "simulate.duration": 0.4 - 0.2013})
+    assert rest.position[-1] == pytest.approx(run.position[-1], abs=1e-10)
+
+
 def test_feed_forward_of_torque_follows_a_motion_exactly_without_friction(tmp_path: Path) -> None:
     motion = {"swing": {"kind": "waypoints", "times": [0, 0.5], "positions": [{"axis": 0}, {"axis": 1.2}]}}
     servo = {"motion": "swing", "position": {"kp": 5}, "speed": {"kp": 0.02, "ti": 0.1}, "feedforward": {"torque": 1}}
@@ -470,6 +525,18 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "samples that would never end": (
         {"servo": {"target": 0, "position": {"kp": 1}, "speed": {"kp": 1}, "sample_time": 1e-12}},
         "expected 0, or 1e-07",
+    ),
+    "a state space without inputs": ({"servo": {"target": 0, "state_space": {"D": [[1]]}}}, "expected a list of"),
+    "a state space that measures a current that is not there": (
+        {"servo": {"target": 0, "state_space": {"inputs": ["current"], "D": [[1]], "sample_time": 1e-3}}},
+        "model: torque has no 'current'",
+    ),
+    "a state space and gains": (
+        {"servo": {"target": 0, "speed": {"kp": 1}, "state_space": {"inputs": ["error"], "D": [[1]]}}}, "speed",
+    ),
+    "matrices of the wrong size": (
+        {"servo": {"target": 0, "state_space": {"inputs": ["error"], "D": [[1, 2]], "sample_time": 1e-3}}},
+        "expected",
     ),
     "a ratio whose square is 0": ({"gear": GEAR | {"ratio": 1e-300}, "servo": {"torque": 0}}, "expected a ratio"),
     "a delay without samples": (

@@ -403,3 +403,40 @@ def test_a_latch_with_restitution_or_stiffness_is_refused(block):
     for stop in ({"lower": 0, "latch": True, "restitution": 0.5}, {"lower": 0, "latch": True, "stiffness": 1}):
         with pytest.raises(bc.InputError, match=r"joints.slide.stop"):
             block(stop)
+
+
+def test_a_stop_ends_a_run_after_its_first_impact_where_the_scene_asks_for_it(block, tmp_path):
+    first = math.sqrt(2 / G)
+    scene = block(
+        {"lower": 0, "restitution": 0.5, "stop": True}, initial={"slide": 1}, simulate={"duration": 9, **TIGHT}
+    )
+    run = bc.simulate(scene)
+    assert run.success and run.status == "contact" and "joint 'slide' met its stop" in run.message
+    assert run.time[-1] == pytest.approx(first, abs=1e-12) and len(run.impacts("slide")) == 1
+    assert run.velocity[-1] == pytest.approx(0.5 * math.sqrt(2 * G))  # after the impact
+    run.save(tmp_path / "run.npz")
+    assert bc.load_run(tmp_path / "run.npz").reason == run.reason
+    swept = bc.sweep(scene, vary={"initial.slide": [0.25, 1.0, 4.0]})
+    assert swept.column("end.time") == pytest.approx(first * np.array([0.5, 1.0, 2.0]))
+    assert bc.simulate(block({"lower": 0, "stop": True}, initial={"slide": 0}), duration=1.0).status == "finished"
+
+
+def test_a_brake_ends_a_run_once_the_joint_is_at_rest_where_the_scene_asks_for_it(block):
+    scene = block(joints={"slide": {"brake": {"torque": 50, "engaged": "t - 0.2", "stop": True}}}, outputs={})
+    run = bc.simulate(scene, duration=5.0, **TIGHT)
+    # it falls 0.2 s with g, and is braked with 50/2 - g
+    assert run.status == "contact" and "brake of joint 'slide'" in run.message
+    assert run.time[-1] == pytest.approx(0.2 + 0.2 * G / (25 - G), abs=1e-9) and run.velocity[-1] == 0.0
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7, 1.0])
+@pytest.mark.parametrize("direction", ["any", "down", "up"])
+def test_an_event_at_the_place_of_a_stop_happens_at_each_impact(block, e, direction):
+    event = {"name": "hit", "when": {"joint": "slide", "position": 0.0}, "direction": direction}
+    scene = block({"lower": 0, "restitution": e}, initial={"slide": 1}, events=[event])
+    run = bc.simulate(scene, duration=6.0)
+    hits = np.array([event.time for event in run.events])
+    expected = run.impacts("slide")[:, 0] if direction != "up" else np.zeros(0)
+    assert hits == pytest.approx(expected, abs=1e-12)
+    last = bc.simulate(scene.with_overrides({"events.hit.stop": True}), duration=6.0)
+    assert last.time[-1] == pytest.approx(6.0 if direction == "up" else math.sqrt(2 / G), abs=1e-9)

@@ -56,7 +56,11 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
         *file_notes(scene),
         Note("linear equations leave out dry friction, stops, and the losses and backlash of gears"),
     ]
-    if any(drive.servo is not None and drive.servo.samples for drive in drives):
+    if any(drive.servo is not None and drive.cascade is None for drive in drives):
+        notes.append(
+            Note("the matrices leave out servos of kind state_space; margins and bandwidths of the drives do not")
+        )
+    if any(drive.cascade is not None and drive.cascade.samples for drive in drives):
         notes.append(
             Note(
                 "the matrices take sampled loops as continuous, without delay; margins and bandwidths of the drives "

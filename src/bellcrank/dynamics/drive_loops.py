@@ -149,11 +149,11 @@ def _without_losses(drive: Drive) -> Drive:
 
 
 def with_continuous_loops(scene: Scene) -> Scene:
-    """The scene with all loops of its drives continuous."""
+    """The scene with all cascades of its drives continuous."""
     drives = {
-        drive.name: replace(drive, servo=replace(drive.servo, samples={}, delay=0.0, resolution=0.0))
+        drive.name: replace(drive, servo=replace(drive.cascade, samples={}, delay=0.0, resolution=0.0))
         for drive in scene.drives
-        if drive.servo is not None
+        if drive.cascade is not None
     }
     return replace(scene, control=tuple(drives.get(part.name, part) for part in scene.control))
 
@@ -200,7 +200,7 @@ class DriveEquations:
                 casadi.jacobian(update, reference),
             ]
         start = casadi.Function("start", args, [a.auxiliary_start])
-        errors = [d.servo.speed_error_at(d, s) if d.servo is not None else casadi.SX(0) for d in scene.drives]
+        errors = [d.servo.error_at(d, s) if d.servo is not None else casadi.SX(0) for d in scene.drives]
         slope = casadi.jacobian(casadi.vertcat(*errors), reference)
         error = casadi.Function("error", args, [casadi.vertcat(*errors), slope])
         self._functions = casadi.Function("slopes", args, outputs), start, error

@@ -19,7 +19,7 @@ from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.drives import LOSS, MODELS, Drive
 from bellcrank.elements.dry_friction import LAWS
 from bellcrank.elements.element import NONNEGATIVE, POSITIVE, joint_named, joint_unit, number
-from bellcrank.elements.servos import read_servo
+from bellcrank.elements.servo_fields import read_servo
 from bellcrank.robot.robot import Robot, RobotJoint
 
 PER_AMPLITUDE = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis

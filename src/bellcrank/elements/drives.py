@@ -51,7 +51,7 @@ from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_forces import Shaft
 from bellcrank.elements.sampled_controllers import Instants
-from bellcrank.elements.servos import Servo
+from bellcrank.elements.servos import Cascade, Servo
 from bellcrank.elements.signals import SignalSource
 
 if TYPE_CHECKING:
@@ -113,6 +113,11 @@ class Drive(Controller):
     def is_elastic(self) -> bool:
         """Whether the rotor has states of its own."""
         return "stiffness" in self.gear
+
+    @property
+    def cascade(self) -> Cascade | None:
+        """Its servo where that is a cascade."""
+        return self.servo if isinstance(self.servo, Cascade) else None
 
     @property
     def settable(self) -> dict[str, Settable]:
@@ -194,8 +199,9 @@ class Drive(Controller):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames in the command."""
-        return () if self.command is None else self.command.frames
+        """The frames in the command, or in what the servo measures."""
+        source = self.command if self.servo is None else self.servo
+        return () if source is None else source.frames
 
     @property
     def source(self) -> SignalSource | None:

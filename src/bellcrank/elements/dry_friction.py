@@ -10,7 +10,7 @@ exponential, Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994);
 Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), 6.5.
 
 A `brake` adds `torque` to the friction of its joint while the formula `engaged` is positive, `delay` later where it is
-one of time alone.
+one of time alone. With `stop: true` a run ends once it has brought the joint to rest.
 
 A pin or slider that closes a loop may have dry friction too: the key `dry_friction` of its entry in `constraints`
 (pin_friction.py). A simulation holds the mode of each such joint: which way it slides, or that it is at rest.
@@ -199,6 +199,7 @@ class JointDryFriction(DryFriction, JointForce):
 
     brake: float = 0.0  # N m or N
     engaged: Expression | None = None  # the brake is engaged while it is positive
+    ends_run: bool = False  # once it is at rest
     NUMBERS: ClassVar[Numbers] = {**DryFriction.NUMBERS, "brake": ("torque", 0.0, POSITIVE)}
 
     @property
@@ -288,8 +289,13 @@ def read_dry_friction(read: Fields, formulas: FormulaReader, forces: Sequence[Fo
                 **friction_law(entry.mapping(KEY), joint.kind == "prismatic"),
             )
         if BRAKE in entry:
-            torque, engaged = _brake(entry.mapping(BRAKE), joint, formulas)
-            part = replace(part, brake=torque, engaged=engaged)
+            if "stop" in entry.mapping(BRAKE) and KEY in entry:
+                raise entry.mapping(BRAKE).error(
+                    "stop",
+                    f"joint '{name}' has dry_friction too, which may bring it to rest before the brake; write an event",
+                )
+            torque, engaged, ends_run = _brake(entry.mapping(BRAKE), joint, formulas)
+            part = replace(part, brake=torque, engaged=engaged, ends_run=ends_run)
         for other in forces:
             if KEY in entry and isinstance(other, Friction) and other.joint.name == name:
                 raise entry.error(KEY, f"force '{other.name}' is friction of the same joint; remove one of the two")
@@ -304,12 +310,13 @@ def _none(entry: Fields, joint: RobotJoint) -> JointDryFriction:
     return JointDryFriction(f"{KEY}_{joint.name}", entry, joint, 0.0, 0.0, 1.0, 0.0, LAWS[0], False)
 
 
-def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[float, Expression]:
-    read.only(("torque", "engaged", "delay"))
+def _brake(read: Fields, joint: RobotJoint, formulas: FormulaReader) -> tuple[float, Expression, bool]:
+    read.only(("torque", "engaged", "delay", "stop"))
     torque = number(read, "torque", joint_unit(joint, "torque"), bound=POSITIVE)
     engaged = read_engaged(read, formulas)
+    ends_run = read.flag("stop", False)
     read.done()
-    return torque, engaged
+    return torque, engaged, ends_run
 
 
 def read_engaged(read: Fields, formulas: FormulaReader) -> Expression:

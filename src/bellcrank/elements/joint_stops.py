@@ -3,7 +3,7 @@
 `joints.NAME.stop` has `lower` and `upper` (by default those of the robot file) and `restitution` (0 by default);
 `joint_stops: from_file` gives every joint with a range in the robot file a stop without restitution. With `stiffness`
 the stop is elastic: a force −max(0, stiffness δ + damping δ̇) at the depth δ. With `latch` a rigid stop holds the joint
-once it is reached. Source of the law of impact: Newton's;
+once it is reached; with `stop: true` the run ends after the first impact. Source of the law of impact: Newton's;
 where several stops are struck at once and it would raise the energy, Poisson's (stuck_joints.py).
 """
 
@@ -51,6 +51,7 @@ class JointStop(JointForce):
     upper: float
     restitution: float
     latch: bool = False  # once reached it holds the joint
+    ends_run: bool = False
     kind: ClassVar[str] = KEY
 
     @property
@@ -119,7 +120,7 @@ def _range(robot: Robot, joint: RobotJoint) -> tuple[float, float]:
 
 
 def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader) -> Force:
-    read.only(("lower", "upper", "restitution", "stiffness", "damping", "latch"))
+    read.only(("lower", "upper", "restitution", "stiffness", "damping", "latch", "stop"))
     unit, file = joint_unit(joint, "position"), _range(robot, joint)
     lower, upper = (
         number(read, key, unit) if key in read else end for key, end in zip(("lower", "upper"), file, strict=True)
@@ -137,10 +138,15 @@ def _stop(read: Fields, joint: RobotJoint, robot: Robot, formulas: FormulaReader
         latch = read.flag("latch", False)
         if latch and restitution:
             raise read.error("restitution", "a stop that latches holds the joint, which does not rebound; remove it")
+        ends_run = read.flag("stop", False)
         read.done()
-        return JointStop(name, read, joint, lower, upper, restitution, latch)
+        return JointStop(name, read, joint, lower, upper, restitution, latch, ends_run)
     if "latch" in read:
         raise read.error("latch", "an elastic stop (stiffness, damping) does not latch; remove one of the two")
+    if "stop" in read:
+        raise read.error(
+            "stop", "an elastic stop (stiffness, damping) does not end a run; write an event at the joint's position"
+        )
     if "restitution" in read:
         raise read.error("restitution", "an elastic stop (stiffness, damping) has no restitution; give one of the two")
     stiffness = number(read, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.controller import ControlContext, Controller
-from bellcrank.elements.controller_fields import read_joints, read_limit
+from bellcrank.elements.controller_fields import Gain, read_joints, read_limit
 from bellcrank.elements.element import GeneralisedForce
 from bellcrank.elements.expression import Expression
 from bellcrank.elements.force_table import table_text
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.elements.symbols import Symbols
+    from bellcrank.robot.robot import RobotJoint
+
+    Torques = Callable[[list[casadi.SX]], tuple[list[casadi.SX], list[casadi.SX]]]
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -105,16 +109,20 @@ class Sampled(Controller):
 
     def update(self, instant: int, symbols: Symbols) -> casadi.SX:
         """What it holds after one of its instants."""
+        return self.after(instant, symbols, partial(self.torques, symbols))
+
+    def after(self, instant: int, symbols: Symbols, torques: Torques) -> casadi.SX:
+        """What it holds after one of its instants, by what gives states and torques from the states."""
         import casadi
 
         now, count = casadi.vertsplit(symbols.signal(self.samples)), len(self.joints)
-        states, queue, torques = now[: self.states], now[self.states : -count], now[-count:]
+        states, queue, applied = now[: self.states], now[self.states : -count], now[-count:]
         if instant == 0:
-            states, wanted = self.torques(symbols, states)
+            states, wanted = torques(states)
             queue = [*self.within_limit(symbols, wanted), *queue[:-count]]
         if instant > 0 or not self.rest > 0.0:
-            torques = queue[self.waiting * count : (self.waiting + 1) * count]
-        return casadi.vertcat(*states, *queue, *torques)
+            applied = queue[self.waiting * count : (self.waiting + 1) * count]
+        return casadi.vertcat(*states, *queue, *applied)
 
     def generalised_force(self, symbols: Symbols) -> GeneralisedForce:
         """The generalised force, potential energy and power that it adds to the equations of motion."""
@@ -152,6 +160,14 @@ class StateSpace(Sampled):
         driven = context.driven
         joints = read_joints(read, driven, driven.joints)
         inputs = context.formulas.several(read, "inputs")
+        return cls.of(name, read, joints, inputs, read_limit(read, joints, driven.robot), context)
+
+    @classmethod
+    def of(
+        cls, name: str, read: Fields, joints: Sequence[RobotJoint], inputs: Sequence[Expression],
+        limit: Gain | None, context: ControlContext,
+    ) -> Self:  # fmt: skip
+        """Read its matrices and times. Raises InputError naming file and key."""
         there, text = read, ""
         if "file" in read:
             path = read.file("file")
@@ -180,8 +196,8 @@ class StateSpace(Sampled):
         if delay > MOST_WAITING * sample_time:
             raise read.error("delay", f"expected at most {MOST_WAITING} sample times, found {delay / sample_time:.6g}")
         initial = read.vector("initial", n, "", (0.0,) * n)
-        limit = read_limit(read, joints, driven.robot)
-        found = cls(name, read, joints, limit, sample_time, delay, context.clock, inputs, a, b, c, d, initial, text)
+        timing = sample_time, delay, context.clock
+        found = cls(name, read, tuple(joints), limit, *timing, tuple(inputs), a, b, c, d, initial, text)
         holds = context.held.get(samples_of(name), ())
         width = found.samples.width
         if "holds" in read:
@@ -210,9 +226,13 @@ class StateSpace(Sampled):
 
     def torques(self, symbols: Symbols, states: list[casadi.SX]) -> tuple[list[casadi.SX], list[casadi.SX]]:
         """The states after a sample, and the torques before the limit."""
+        return self.step(states, [one.value(symbols) for one in self.inputs])
+
+    def step(self, states: list[casadi.SX], inputs: list[casadi.SX]) -> tuple[list[casadi.SX], list[casadi.SX]]:
+        """The states after a sample with these inputs, and the torques before the limit."""
         import casadi
 
-        y = casadi.vertcat(*[one.value(symbols) for one in self.inputs])
+        y = casadi.vertcat(*inputs)
         torque = _product(self.d, y)
         if states:
             now = casadi.vertcat(*states)

@@ -17,26 +17,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from bellcrank.config.fields import Fields
-from bellcrank.elements.controller import ControlContext
-from bellcrank.elements.controller_fields import all_joints, read_motion_name
-from bellcrank.elements.element import ANY, NONNEGATIVE, POSITIVE, Bound, Settable, joint_unit, number
-from bellcrank.elements.expression import Expression
+from bellcrank.elements.controller_fields import all_joints
+from bellcrank.elements.element import ANY, NONNEGATIVE, POSITIVE, Bound, Settable
 from bellcrank.elements.held_inputs import HeldSource, held_source
-from bellcrank.elements.sampled_controllers import MOST_WAITING, ROUNDING, Instants, samples_of
-from bellcrank.elements.signals import SignalSource, motion_source
+from bellcrank.elements.sampled_controllers import ROUNDING, Instants, samples_of
+from bellcrank.elements.signals import SignalSource
 
 if TYPE_CHECKING:
     import casadi
 
     from bellcrank.elements.drives import Drive
     from bellcrank.elements.symbols import Symbols
-    from bellcrank.robot.robot import RobotJoint
 
-ENCODERS: Final = ("motor", "load")
 LOOPS: Final[Mapping[str, Mapping[str, tuple[str, Bound]]]] = {
     "position": {"kp": ("1/s", NONNEGATIVE)},
     "speed": {"kp": ("N m s/rad", POSITIVE), "ti": ("s", POSITIVE)},
@@ -50,29 +44,100 @@ BEGINNINGS: Final[Mapping[str, list[str]]] = {
 CONTINUOUS: Final = ["q current integrator [V]", "d current integrator [V]"]
 OF_TWO_AXES: Final = ["q current integrator at the start [V]", "d current integrator at the start [V]",
                       "q voltage at the start [V]", "d voltage at the start [V]"]  # fmt: skip
-COMMANDS: Final = {"torque": ("torque", "N m"), "dc": ("voltage", "V")}  # by model
 WEAKENING: Final = (
     0.95  # of the largest voltage: where a field is weakened, the rest is left to the current controllers
 )
 LEAST_SHARE: Final = 0.1  # of the largest voltage, that is left for what the rotation induces at any current
-LONGEST: Final = 1e3  # s
-SHORTEST: Final = 1e-7  # s: no servo samples faster, and a run of millions of samples would not end
 LEAST_SPEED: Final = 1e-9  # rad/s, below which the induced voltage is not looked at
 
 
 @dataclass(frozen=True)
 class Servo:
-    """A cascade.
+    """What commands a drive so that its joint follows a motion.
 
     Attributes:
         motion: The reference of all joints of one degree of freedom, with two derivatives; None: `target` is constant.
         place: Which of them is this joint.
         target: rad or m.
+        encoder: Where the position is measured, "motor" or "load".
+    """
+
+    motion: SignalSource | None
+    place: int
+    target: float
+    encoder: str
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames in its formulas."""
+        return ()
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """The target, where there is no motion."""
+        return {} if self.motion is not None else {"servo.target": Settable("", ANY)}
+
+    def number(self, name: str) -> float:
+        """The number of a field."""
+        return float(getattr(self, name))
+
+    def wanted(self, drive: Drive, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+        """The joint's reference, its velocity and its acceleration."""
+        more = symbols.zero if symbols.additions is None else symbols.additions.reference[drive.name]
+        if self.motion is None:
+            return more + drive.value(symbols, "servo.target"), symbols.zero, symbols.zero
+        found = symbols.signal(self.motion)
+        return found[self.place, 0] + more, found[self.place, 1], found[self.place, 2]
+
+    @property
+    def states(self) -> list[str]:
+        """Its states among those of the drive, with units."""
+        return []
+
+    @property
+    def constant(self) -> list[bool]:
+        """Whether each of these states is constant."""
+        return []
+
+    def start(self, drive: Drive, symbols: Symbols, torque: casadi.SX) -> list[casadi.SX]:
+        """Its states at the start, where the drive exerts a torque (N m) at the rotor."""
+        return []
+
+    def rates(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
+        """The rates of its states."""
+        return []
+
+    def held(self, name: str) -> HeldSource | None:
+        """What its samples hold, at the start of a run."""
+        return None
+
+    @property
+    def instants(self) -> tuple[Instants, ...]:
+        """When it is sampled."""
+        return ()
+
+    def update(self, instant: int, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """What it holds after one of its instants."""
+        raise NotImplementedError
+
+    def command(self, drive: Drive, symbols: Symbols) -> list[casadi.SX]:
+        """The torque (N m), or the voltage (V) of model dc, those of q and d of dq, before limits."""
+        raise NotImplementedError
+
+    def error_at(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+        """What is 0 where the servo holds a posture."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Cascade(Servo):
+    """A cascade.
+
+    Attributes:
         position: kp.
         speed: kp, and ti where it integrates.
         current: kp and ki, of model dc.
         feedforward: Shares of speed and torque.
-        encoder: Where the position is measured, "motor" or "load".
         samples: The sample times of the loops that are sampled, s.
         delay: Of the output of the innermost sampled loop, s.
         resolution: Of the encoder, rad at the rotor; 0: it is exact.
@@ -82,14 +147,10 @@ class Servo:
         gains: "given", "auto" where they are to be found (simulation/drive_gains.py), or "found".
     """
 
-    motion: SignalSource | None
-    place: int
-    target: float
     position: Mapping[str, float]
     speed: Mapping[str, float]
     current: Mapping[str, float]
     feedforward: Mapping[str, float]
-    encoder: str
     samples: Mapping[str, float]
     delay: float
     resolution: float
@@ -101,11 +162,11 @@ class Servo:
     @property
     def settable(self) -> dict[str, Settable]:
         """The gains that are given."""
+        own = super().settable
         if self.gains != "given":
-            return {} if self.motion is not None else {"servo.target": Settable("", ANY)}
-        return {f"servo.{loop}.{key}": Settable(*LOOPS[loop][key]) for loop in LOOPS for key in getattr(self, loop)} | (
-            {} if self.motion is not None else {"servo.target": Settable("", ANY)}
-        )
+            return own
+        gains = {f"servo.{loop}.{key}": Settable(*LOOPS[loop][key]) for loop in LOOPS for key in getattr(self, loop)}
+        return gains | own
 
     def number(self, name: str) -> float:
         """The number of a gain, such as "speed.kp"."""
@@ -339,14 +400,6 @@ class Servo:
 
     # ---- loops
 
-    def wanted(self, drive: Drive, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
-        """The joint's reference, its velocity and its acceleration."""
-        more = symbols.zero if symbols.additions is None else symbols.additions.reference[drive.name]
-        if self.motion is None:
-            return more + drive.value(symbols, "servo.target"), symbols.zero, symbols.zero
-        found = symbols.signal(self.motion)
-        return found[self.place, 0] + more, found[self.place, 1], found[self.place, 2]
-
     def _speed_asked(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """ω_r of the position controller."""
         ratio = drive.gear["ratio"]
@@ -393,7 +446,7 @@ class Servo:
     def _speed_error(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         return self.speed_reference(drive, symbols) - drive.rotor(symbols)[1]
 
-    def speed_error_at(self, drive: Drive, symbols: Symbols) -> casadi.SX:
+    def error_at(self, drive: Drive, symbols: Symbols) -> casadi.SX:
         """ω_r − ω of the loops as if they were sampled at this moment."""
         return self._speed_asked(drive, symbols) - drive.rotor(symbols)[1]
 
@@ -513,105 +566,3 @@ def _spread(starts: list[casadi.SX], size: int, width: int) -> list[casadi.SX]:
     """What each value of a loop begins with: its outputs, waiting ones included, as the last `width` ones."""
     first, outputs = starts[:-width], starts[-width:]
     return [*first, *outputs * ((size - len(first)) // width)]
-
-
-def read_servo(
-    entry: Fields, joint: RobotJoint, model: str, context: ControlContext
-) -> tuple[Servo | None, Expression | None]:
-    """Read `servo`: a cascade, or a formula of torque or voltage. Raises InputError naming file and key."""
-    read = entry.mapping("servo")
-    name, unit = COMMANDS.get(model, ("", ""))
-    read.known("torque", "voltage")
-    if name and ("torque" in read or "voltage" in read):
-        read.only((name,))
-        return None, context.formulas.read(read, name, unit)
-    read.only(("motion", "target", *LOOPS, "gains", "feedforward", "encoder", "sample_time", "delay", "resolution"))
-    if ("target" in read) == ("motion" in read):
-        found = "both" if "target" in read else "neither"
-        raise read.error("target", f"expected a constant 'target' or the name of a 'motion', found {found}")
-    joints = all_joints(context.driven.robot)
-    source, target = None, 0.0
-    if "motion" in read:
-        motion = read_motion_name(read, context.motions)
-        source = motion_source(motion, partial(context.motion_of, motion), joints, 2)
-    else:
-        target = read.number("target", joint_unit(joint, "position"))
-    automatic = "gains" in read and read.choice("gains", ("auto",)) == "auto"
-    loops = ("position", "speed") if model == "torque" else ("position", "speed", "current")
-    if model == "torque" and "current" in read:
-        raise read.error("current", "model: torque has no current; write model: dc, or remove 'current'")
-    if automatic:
-        for loop in loops:
-            if loop in read:
-                raise read.error(loop, f"'gains: auto' finds the gains of '{loop}'; remove one of the two")
-        position, speed, current = ({key: 1.0 for key in LOOPS[k]} if k in loops else {} for k in LOOPS)
-    else:
-        position, speed = _gains(read, "position"), _gains(read, "speed", optional=("ti",))
-        current = _gains(read, "current") if "current" in loops else {}
-    ahead = read.mapping("feedforward", {})
-    ahead.only(("speed", "torque"))
-    shares = {key: number(ahead, key, "", 1.0 if key == "speed" else 0.0, NONNEGATIVE) for key in ("speed", "torque")}
-    if shares["torque"] and (source is None or any(j.nv != 1 for j in context.driven.robot.joints)):
-        raise ahead.error("torque", "feed-forward of torque requires a 'motion' of a robot without free or ball joints")
-    ahead.done()
-    encoder = read.choice("encoder", ENCODERS, "motor")
-    samples, delay, resolution = _samples(read, model)
-    if automatic and {*samples} != {*loops}:
-        raise read.error("gains", "'gains: auto' requires a 'sample_time' of all loops, which bounds the gains")
-    read.done()
-    place = [each.name for each in joints].index(joint.name)
-    holds = tuple(context.held.get(samples_of(f"drive_{joint.name}"), ()))
-    return Servo(
-        motion=source,
-        place=place,
-        target=target,
-        position=position,
-        speed=speed,
-        current=current,
-        feedforward=shares,
-        encoder=encoder,
-        samples=samples,
-        delay=delay,
-        resolution=resolution,
-        clock=context.clock,
-        holds=holds,
-        gains="auto" if automatic else "given",
-        axes=2 if model == "dq" else 1,
-    ), None
-
-
-def _samples(read: Fields, model: str) -> tuple[dict[str, float], float, float]:
-    """The sample times of the sampled loops, the delay and the encoder's resolution. Raises InputError."""
-    loops = tuple(loop for loop in LOOPS if model != "torque" or loop != "current")
-    if isinstance(read.raw("sample_time", None), Mapping):
-        each = read.mapping("sample_time")
-        each.only(loops)
-        given = {loop: number(each, loop, "s", 0.0, NONNEGATIVE) for loop in loops}
-        each.done()
-    else:
-        whole = number(read, "sample_time", "s", 0.0, NONNEGATIVE)
-        given = dict.fromkeys(loops, whole)
-    samples = {loop: period for loop, period in given.items() if period > 0.0}
-    if odd := [period for period in samples.values() if not SHORTEST <= period <= LONGEST]:
-        raise read.error("sample_time", f"expected 0, or {SHORTEST:g} to {LONGEST:g} s, found {odd[0]:g} s")
-    delay = number(read, "delay", "s", 0.0, NONNEGATIVE)
-    resolution = number(read, "resolution", "rad", 0.0, NONNEGATIVE)
-    if delay and not samples:
-        raise read.error("delay", "a delay belongs to a sampled servo; give 'sample_time'")
-    if resolution and not {"position", "speed"} <= {*samples}:
-        raise read.error("resolution", "an encoder with a resolution is sampled; give 'sample_time'")
-    if samples and delay > MOST_WAITING * (least := list(samples.values())[-1]):
-        raise read.error("delay", f"expected at most {MOST_WAITING} sample times, found {delay / least:.6g}")
-    return samples, delay, resolution
-
-
-def _gains(read: Fields, loop: str, optional: tuple[str, ...] = ()) -> dict[str, float]:
-    own = read.mapping(loop)
-    own.only(tuple(LOOPS[loop]))
-    found = {
-        key: number(own, key, unit, bound=bound)
-        for key, (unit, bound) in LOOPS[loop].items()
-        if key in own or key not in optional
-    }
-    own.done()
-    return found

@@ -135,7 +135,11 @@ def read_events(
         if latch and isinstance(when, JointReaches) and when.what == "velocity":
             raise entry.error("latch", "a latch requires the position of a joint, found a velocity")
         if latch and not entry.flag("stop", True):
-            raise entry.error("stop", "a latch always ends the simulation; remove stop: false")
+            raise entry.error(
+                "stop",
+                "an event that latches ends the simulation; remove stop: false, or write joints.NAME.stop with "
+                "latch: true",
+            )
         events.append(EventRule(name, when, direction, entry.flag("stop", latch), latch))
         entry.done()
     return (*events, *_contacts(constraints, events))

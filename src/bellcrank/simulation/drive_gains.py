@@ -44,7 +44,7 @@ MOST_STEPS = 40
 @computed_once
 def tuned(scene: Scene) -> Scene:
     """The scene with the gains of its servos found where they are to be. Raises InputError where there are none."""
-    wanted = [drive for drive in scene.drives if drive.servo is not None and drive.servo.gains == "auto"]
+    wanted = [drive for drive in scene.drives if drive.cascade is not None and drive.cascade.gains == "auto"]
     if not wanted:
         return scene
     refuse_nonlinear(scene)
@@ -72,16 +72,17 @@ def tuned(scene: Scene) -> Scene:
 
 
 def _gains_of(drive: Drive) -> list[tuple[str, str]]:
-    assert drive.servo is not None
-    servo = drive.servo
+    servo = drive.cascade
+    assert servo is not None
     return [(loop, key) for loop in ("position", "speed", "current") for key in getattr(servo, loop)]
 
 
 def _rules(drive: Drive, inertia: float, slow: float) -> dict[str, dict[str, float]]:
     """The gains of a drive by loop and key, with T `slow` times its least value."""
-    assert drive.servo is not None
-    samples, delay = drive.servo.samples, drive.servo.delay
-    measuring = 1.0 if drive.servo.resolution else 0.5
+    servo = drive.cascade
+    assert servo is not None
+    samples, delay = servo.samples, servo.delay
+    measuring = 1.0 if servo.resolution else 0.5
     current: dict[str, float] = {}
     if drive.model == "torque":
         lag = measuring * samples["speed"] + delay
@@ -120,10 +121,10 @@ def _of_the_same(scene: Scene, control: tuple[Controller, ...]) -> dict[str, Out
 
 
 def _with_gains(part: Controller, found: dict[str, dict[str, dict[str, float]]]) -> Controller:
-    if not isinstance(part, Drive) or part.servo is None or part.name not in found:
+    if not isinstance(part, Drive) or part.cascade is None or part.name not in found:
         return part
     gains = found[part.name]
     servo = replace(
-        part.servo, gains="found", position=gains["position"], speed=gains["speed"], current=gains["current"]
+        part.cascade, gains="found", position=gains["position"], speed=gains["speed"], current=gains["current"]
     )
     return replace(part, servo=servo)

@@ -13,7 +13,7 @@ from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.drives import Drive
-from bellcrank.elements.dry_friction import DryFriction, RestingJoint
+from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
@@ -48,6 +48,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         switch_count=count,
         switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
         mode_kinds=[_mode_kind(part) for part in modes],
+        mode_ends=[int(isinstance(part, JointStop | JointDryFriction) and part.ends_run) for part in modes],
         mode_rows=rows,
         mode_places=[part.joint.q if isinstance(part, JointStop) else 0 for part in modes],
         work_row=system.size - 1 if system.has_work else -1,

@@ -127,6 +127,7 @@ class HeldEntries:
         switches: Address of (t, x, u, p) -> the functions whose signs they are, and those that are positive while the
             modes last; 0 where there are none.
         mode_kinds: 0 for dry friction, 1 for a stop, 2 for one that latches.
+        mode_ends: 1 where a contact, or friction that brings a joint to rest, ends the run, else 0.
         mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
         work_row: The entry of x that is the work, which impacts change; −1: there is none.
         response_rows: How many entries of x, from the velocities on, the forces of modes accelerate.
@@ -139,6 +140,7 @@ class HeldEntries:
     switch_count: int = 0
     switches: int = 0
     mode_kinds: Sequence[int] = ()
+    mode_ends: Sequence[int] = ()
     mode_rows: Sequence[int] = ()
     mode_places: Sequence[int] = ()
     work_row: int = -1

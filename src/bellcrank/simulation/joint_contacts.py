@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.elements.drives import BUS
-from bellcrank.elements.dry_friction import DryFriction
+from bellcrank.elements.dry_friction import DryFriction, JointDryFriction
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.supply import BAND
 from bellcrank.errors import InputError
@@ -65,6 +65,17 @@ def impacts_at_stops(run: Trajectory, joint: str) -> Array:
     time, modes = _modes(run, _stop(run, joint))
     hits = np.flatnonzero(modes[:, 3])
     return np.stack([time[hits], modes[hits, 3]], axis=1)
+
+
+def ending_contacts(run: Trajectory) -> str:
+    """What ended a run at a contact, as a clause: the joints at their stops, and those that brakes have stopped."""
+    found = []
+    for part in run.scene.parts_with_modes:
+        if isinstance(part, JointStop) and part.ends_run and _modes(run, part)[1][-1, 2:].any():
+            found.append(f"joint '{part.joint.name}' met its stop")
+        elif isinstance(part, JointDryFriction) and part.ends_run and not _modes(run, part)[1][-1, 1]:
+            found.append(f"the brake of joint '{part.joint.name}' brought it to rest")
+    return f"{' and '.join(found)}, with stop: true"
 
 
 def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:

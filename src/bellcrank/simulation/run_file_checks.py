@@ -212,6 +212,8 @@ def _check_agreement(about: Mapping[str, Any], arrays: Mapping[str, Array], scen
     for name in (*(entry.event for entry in statistics.unresolved), *statistics.omitted_events):
         if name not in rules:
             raise ValueError(f"the scene has no event {brief(name)}")
+    if status is Status.CONTACT and not any(getattr(part, "ends_run", False) for part in scene.parts_with_modes):
+        raise ValueError(f"the status is '{status}', and the scene has no stop or brake with stop: true")
     if status is Status.TURNED_OVER and not aligned_constraints(scene):
         raise ValueError(f"the status is '{status}', and the scene has no weld or hinge")
     if status is Status.PRESCRIBED_MOTION_ENDED and prescribed_motion_end(scene) is None:

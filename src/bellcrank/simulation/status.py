@@ -15,14 +15,15 @@ class Status(StrEnum):
     EVALUATIONS_SPENT = "evaluations_spent"
     INTERRUPTED = "interrupted"
     CHATTERING = "chattering"
+    CONTACT = "contact"
     # not the integrator's
     PRESCRIBED_MOTION_ENDED = "prescribed_motion_ended"
     TURNED_OVER = "turned_over"
 
     @property
     def success(self) -> bool:
-        """Whether the run reached its duration or an event with `stop: true`."""
-        return self in (Status.FINISHED, Status.EVENT)
+        """Whether the run reached its duration, or an event, a stop or a brake with `stop: true`."""
+        return self in (Status.FINISHED, Status.EVENT, Status.CONTACT)
 
     @property
     def advice(self) -> str:
@@ -33,6 +34,7 @@ class Status(StrEnum):
 _ADVICE = {
     Status.FINISHED: "the whole duration was simulated",
     Status.EVENT: "an event with stop: true ended the run",
+    Status.CONTACT: "a joint met its stop, or a brake brought it to rest, and `stop: true` ends the run there",
     Status.STEP_TOO_SMALL: "the step size fell below the resolution of time; the scene is stiff (try solver auto), a "
     "force jumps, or the mechanism is close to a singular configuration there",
     Status.NON_FINITE: "the accelerations are no longer finite; check the configuration and the forces there, and for "

@@ -90,10 +90,10 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
         *residuals,
     ]
     rows += contact_rows(run)
-    tuned = [drive for drive in run.scene.drives if drive.servo is not None and drive.servo.gains == "found"]
-    for k, drive in enumerate(tuned):
-        assert drive.servo is not None
-        rows.append(("gains found" if k == 0 else "", f"{drive.joint.name}: {drive.servo.described()}"))
+    cascades = [(drive.joint.name, drive.cascade) for drive in run.scene.drives if drive.cascade is not None]
+    tuned = [(name, cascade) for name, cascade in cascades if cascade.gains == "found"]
+    for k, (name, cascade) in enumerate(tuned):
+        rows.append(("gains found" if k == 0 else "", f"{name}: {cascade.described()}"))
     rows.append(("error estimate", _error(run)))
     rows += _constraints(run)
     if not run.scene.constraints and unit_vectors(run.robot.joints):

@@ -102,6 +102,10 @@ class Trajectory(StateHistory):
         """Why the run ended and what to do about it, as a clause."""
         if self.status is Status.EVENT:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
+        if self.status is Status.CONTACT:
+            from bellcrank.simulation.joint_contacts import ending_contacts
+
+            return ending_contacts(self)
         if self.status is Status.PRESCRIBED_MOTION_ENDED and (end := prescribed_motion_end(self.scene)) is not None:
             return end.sentence
         if self.status is Status.TURNED_OVER:

@@ -70,6 +70,9 @@ def _reasons(runs: Runs) -> dict[int, str]:
             names, durations = " nor ".join(map(repr, wanted)), runs.duration[rows].tolist()
             texts = {duration: f"no event {names} within {duration:g} s" for duration in set(durations)}
             reasons |= zip(rows.tolist(), map(texts.__getitem__, durations), strict=True)
+        elif status is Status.CONTACT and wanted:
+            for row in rows.tolist():
+                reasons[row] = f"at {found.end_time[row]:.6g} s {status.advice}"
         elif status is Status.EVENT:
             for k in np.unique(found.stopped_by[rows]).tolist():
                 if (name := runs.scene.events[k].name) not in wanted:

@@ -67,7 +67,7 @@ class VariantDesigns:
         found = {(axis.kind, axis.name) for axis in self.axes}
         joints = {Kind.POSITION: self.scene.initial.position, Kind.VELOCITY: self.scene.initial.velocity}
         there = all(name in joints[kind] for kind, name in found if kind in joints)
-        automatic = any(d.servo is not None and d.servo.gains == "auto" for d in self.scene.drives)
+        automatic = any(d.cascade is not None and d.cascade.gains == "auto" for d in self.scene.drives)
         return there and not self.scene.settings.stabilisation.auto and not automatic
 
     def starts(self, values: Array, threads: int) -> Starts:

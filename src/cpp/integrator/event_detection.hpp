@@ -78,15 +78,16 @@ class Events {
   double value(int e) const { return g_[samples * count_ + e]; }  // at the end of the last step
   void remember(int e, Memory m) { sign_[e] = m.sign, hint_[e] = m.hint, unresolved_[e] = m.unresolved; }
 
-  // The events of the step just taken by `stepper`, which is that of the constructor.
+  // The events of the step just taken by `stepper`, which is that of the constructor. `turns`: the run goes on from
+  // another state or on another side of a switch, so that a function that has come to zero may go back.
   template <class Stepper>
-  Found search(Stepper& stepper, Record& record) {
-    effort = 0;
+  Found search(Stepper& stepper, Record& record, bool turns = false) {
+    effort = 0, turns_ = turns;
     std::memcpy(g_, g_ + samples * count_, count_ * sizeof(double));
     if (!evaluate(stepper.t, stepper.state(), g_ + samples * count_)) return Found::failed;
     if (!sample_between(stepper)) return Found::failed;
     bool clear = true;
-    for (int e = 0; e < count_ && clear; ++e) clear = keeps_off(e);
+    for (int e = 0; e < count_ && clear; ++e) clear = keeps_off(e) && !touches(e);
     return clear ? Found::nothing : search_closely(record);
   }
 
@@ -104,6 +105,7 @@ class Events {
   };
 
   static constexpr double closest = 1e-7;  // of a step: nearer to its start a function that was zero is not looked at
+  static constexpr double touching = 1e-12;  // of the largest value in a step: rounding
   static constexpr int deepest = 6;  // levels of intervals within intervals: down to 1e-6 of a step
   static constexpr std::int64_t most_evaluations = 200000, few_evaluations = 2000;
   static constexpr int patience = 50;  // unresolved steps of an event after which few_evaluations are spent on it
@@ -121,7 +123,7 @@ class Events {
   std::int64_t spent_ = 0, limit_ = 0;
   Growing<Crossing> crossings_;
   Growing<double> states_;
-  bool failed_ = false, missed_ = false, done_ = false;
+  bool turns_ = false, failed_ = false, missed_ = false, done_ = false;
   double blank_ = INFINITY;  // the first time in this step at which the event scanned is not a number
 
   double length() const { return last_.t - last_.t_old; }
@@ -183,6 +185,15 @@ class Events {
     return true;
   }
 
+  // Whether an event function is zero, up to rounding, where the step ends at a contact or a switch.
+  bool touches(int e) const {
+    if (!turns_) return false;
+    const double end = g(samples, e), before = g(samples - 1, e), left = (1 - at(samples - 1)) * length();
+    double most = 0;
+    for (int i = 0; i <= samples; ++i) most = larger(most, std::fabs(g(i, e)));
+    return std::fabs(end) <= touching * most || std::fabs(end) * left <= 8 * spacing(last_.t) * std::fabs(before - end);
+  }
+
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
     spent_ = 0, oscillating_ = 0, forced_ = hint_[e];
@@ -196,6 +207,10 @@ class Events {
     } else {
       again(e, 0, v[0], 0.5, v[1], 1);
       if (!done_) again(e, 0.5, v[1], 1, v[2], 1);
+    }
+    if (!done_ && touches(e)) {
+      if (now_ != 0 && now_ == sign(v[samples - 1])) crossing(e, now_, at(samples - 1), v[samples - 1], 1, 0);
+      now_ = 0;
     }
     sign_[e] = now_;
     effort += spent_;

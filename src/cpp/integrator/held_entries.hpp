@@ -20,7 +20,7 @@ class Held {
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
         before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
         found_(h_.mode_count * (h_.response_rows + h_.mode_count + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
-        struck_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
+        struck_(h_.mode_count), met_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
   }
@@ -94,6 +94,17 @@ class Held {
   double step_bound(double t, double bound) const { return flight_ > t ? smaller(flight_, bound) : bound; }
   // The state from which the run goes on after `begin` and `turn`, where it is not the one before: joints are at rest.
   const double* rested() { return std::exchange(rested_, false) ? static_cast<const double*>(state_) : nullptr; }
+  // Whether a contact since the last call ends the run: a joint met its stop, or a brake brought it to rest.
+  bool ends() {
+    bool found = false;
+    for (int j = 0; h_.mode_ends && j < h_.mode_count; ++j) {
+      const Mode& m = mode(j);
+      const bool met = is_stop(j) ? m.holds || m.impulse != 0 : !m.moves;
+      found |= met && !met_[j] && h_.mode_ends[j];
+      met_[j] = met;
+    }
+    return found;
+  }
   bool chatters() const { return turn_ >= 0 && quick_[turn_] >= most_quick; }
 
  private:
@@ -133,7 +144,7 @@ class Held {
   bool begun_ = false, failed_ = false, rested_ = false;
   BoundedForces modes_;
   Buffer found_, fastest_;  // what the kernel found; the largest speed of each joint since it was at rest
-  Array<int> resting_, closed_, struck_;
+  Array<int> resting_, closed_, struck_, met_;
   int balanced_ = 0;  // of resting_
   Buffer state_, after_;  // after_: velocities of joints after an impact
 

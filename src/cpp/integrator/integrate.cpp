@@ -34,7 +34,7 @@ struct Reading : ProblemReading {
   Vector x0_, parameters_, times_, start_;
   std::vector<double> stops_;
   std::vector<Update> updates_;
-  std::vector<int> mode_rows_, mode_kinds_, mode_places_;
+  std::vector<int> mode_rows_, mode_kinds_, mode_places_, mode_ends_;
 
   void read_held(nb::handle held) {
     if (held.is_none()) return;
@@ -43,7 +43,9 @@ struct Reading : ProblemReading {
     plain.held.switch_count = get<int>(held, "switch_count");
     plain.held.switches = function<Kernel>(held, "switches");
     mode_kinds_ = get<std::vector<int>>(held, "mode_kinds"), mode_places_ = get<std::vector<int>>(held, "mode_places");
+    mode_ends_ = get<std::vector<int>>(held, "mode_ends");
     plain.held.mode_kinds = mode_kinds_.data(), plain.held.mode_places = mode_places_.data();
+    plain.held.mode_ends = mode_ends_.data();
     plain.held.work_row = get<int>(held, "work_row"), plain.held.response_rows = get<int>(held, "response_rows");
     mode_rows_ = get<std::vector<int>>(held, "mode_rows");
     plain.held.mode_rows = mode_rows_.data(), plain.held.mode_count = static_cast<int>(mode_rows_.size());
@@ -55,6 +57,7 @@ struct Reading : ProblemReading {
     require(plain.held.response_rows >= 0 && plain.nq + plain.held.response_rows <= plain.n,
             "integrate: forces of modes accelerate entries of x");
     require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
+                mode_ends_.size() == mode_rows_.size() &&
                 plain.held.work_row < plain.n,
             "integrate: a kind and a position for each mode");
     for (std::size_t j = 0; j < mode_rows_.size(); ++j)

@@ -53,6 +53,7 @@ class IntegrationLoop {
       rhs_.latest = bound < p_.t1 ? std::nextafter(bound, p_.t0) : p_.latest;
       if (!begin_step()) return Status::non_finite;
       observed_.begin();
+      if (held_.exist() && held_.ends() && begun_) return Status::contact;
       if (!begun_) {
         if (!events_.begin(stepper_.t, stepper_.state())) return Status::non_finite;
         if (!fixed) stepper_.choose_step(bound);
@@ -71,12 +72,13 @@ class IntegrationLoop {
           if (again != Outcome::accepted) return status_of(again);
           if (stepper_.t == stepper_.t_old) {  // it begins on the other side
             if (!turn()) return held_failure();
+            if (held_.ends()) return Status::contact;
             continue;
           }
         }
         ++counts_.accepted;
         if (p_.event_count) {
-          const Found found = events_.search(stepper_, record_);
+          const Found found = events_.search(stepper_, record_, turns);
           if (found == Found::failed) return Status::non_finite;
           if (found == Found::terminal) return end_at_event();
         }
@@ -86,6 +88,7 @@ class IntegrationLoop {
         until_look_ -= 1 + stepper_.rejected - rejected + events_.effort / 8;
         if (until_look_ <= 0 && look()) return Status::interrupted;
         if (turns && !turn()) return held_failure();
+        if (turns && held_.ends()) return Status::contact;
       }
       if (stepper_.t >= stop) ++i;
     }

@@ -11,7 +11,7 @@ using Kernel = std::int32_t (*)(const double* const* inputs, double* const* outp
 using BatchKernel = std::int32_t (*)(const double* const* inputs, double* const* outputs, const std::int64_t* strides,
                                      std::int64_t rows);
 
-enum class Status : int { finished, event, step_too_small, non_finite, evaluations_spent, interrupted, chattering };
+enum class Status : int { finished, event, step_too_small, non_finite, evaluations_spent, interrupted, chattering, contact };
 
 // A piecewise polynomial of the time: breaks (pieces + 1), coefficients (pieces, powers, width), ascending powers.
 struct Signal {
@@ -53,6 +53,7 @@ struct HeldEntries {
   int count, switch_count;  // sides first, then modes, then what updates compute
   int mode_count;           // of joints with dry friction or stops; four entries each (held_entries.hpp)
   const int* mode_kinds;    // 0 dry friction, 1 a stop, 2 one that latches, 3 a joint without forces in a linkage
+  const int* mode_ends;     // whether a contact, or friction that brings a joint to rest, ends the run; 0: none does
   const int *mode_rows, *mode_places;  // the entries of x that are their velocities (-1: none), and positions
   int work_row;             // the entry of x that is the work, which impacts change, or -1
   int response_rows;        // how many entries of x, from nq on, forces of modes accelerate
