@@ -200,11 +200,19 @@ def _mechanism(config: RobotConfig, robot: Robot) -> Mechanism:
     from bellcrank.scene.scene import load_scene
 
     is_robot_file = config.source.resolve() == config.urdf.resolve()
-    alone = is_robot_file or read_yaml(config.source).keys().isdisjoint(SCENE_KEYS)
+    alone = is_robot_file or not _says_more(read_yaml(config.source))
     if alone and not (config.file and (config.file.loops or config.file.springs)):
         return OpenChain(robot, actuated=config.actuated or None)
     trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]
     return mechanism_of(load_scene(config.source, trust=trusted), robot)
+
+
+def _says_more(data: Mapping[str, Any]) -> bool:
+    """Whether a file has keys of a scene, or drives."""
+    drives = data.get("actuators") or {}
+    return not data.keys().isdisjoint(SCENE_KEYS) or any(
+        isinstance(entry, Mapping) and "model" in entry for entry in drives.values()
+    )
 
 
 def _requested(config: RobotConfig, given: object) -> list[OneMotion]:
