@@ -340,6 +340,89 @@ def test_margins_of_a_sampled_loop_are_those_at_which_its_runs_begin_to_grow(tmp
         )  # it ends in a limit cycle at the largest torque
 
 
+def two_links(folder: Path, closed: bool) -> Path:
+    """Two links under gravity of which the second turns −2 times as far: by a constraint, or as a mimicking joint."""
+    links = "".join(
+        f'<link name="{name}"><inertial><origin xyz="0.2 0 0"/><mass value="{mass}"/><inertia ixx="0.01" iyy="0.02" '
+        'izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for name, mass in (("upper", 3.0), ("lower", 2.0))
+    )
+    mimic = "" if closed else '<mimic joint="axis" multiplier="-2"/>'
+    (folder / "two.urdf").write_text(
+        f'<robot name="two"><link name="base"/>{links}<joint name="axis" type="continuous"><parent link="base"/>'
+        '<child link="upper"/><axis xyz="0 -1 0"/></joint><joint name="second" type="continuous"><parent link="upper"/>'
+        f'<child link="lower"/><origin xyz="0.4 0 0"/><axis xyz="0 -1 0"/>{mimic}</joint></robot>'
+    )
+    motor = {key: value for key, value in MOTOR.items() if key != "peak_current"}
+    servo = {"target": 0.4, "position": {"kp": 12}, "speed": {"kp": 0.06, "ti": 0.04}, "sample_time": 1e-3}
+    drive = {"motor": motor | {"nominal_voltage": 4000.0}, "gear": GEAR, "model": "torque", "rotor_friction": NONE,
+             "elastic": {"stiffness": C, "damping": D}, "servo": servo}  # fmt: skip
+    data: dict[str, Any] = {
+        "urdf": "two.urdf",
+        "gravity": [0, 0, -G],
+        "actuators": {"axis": drive},
+        "initial": {"axis": 0.4},
+    }
+    if closed:
+        data["constraints"] = [
+            {"name": "belt", "kind": "expression", "expression": "second.position + 2*axis.position"}
+        ]
+        data["initial"]["second"] = {"guess": -0.8}
+    path = folder / f"two_{closed}.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_a_drive_in_a_closed_linkage_has_the_modes_and_margins_of_the_same_open_chain(tmp_path: Path) -> None:
+    closed, opened = (bc.linearise(two_links(tmp_path, each)) for each in (True, False))
+    assert [name for name, _ in closed.states] == [name for name, _ in opened.states]
+    assert np.sort_complex(closed.eigenvalues) == pytest.approx(np.sort_complex(opened.eigenvalues), rel=1e-8)
+    (one,), (other,) = closed.drives, opened.drives
+    for key in ("resonances", "antiresonances", "gain_margin", "phase_margin", "bandwidth"):
+        assert getattr(one, key) == pytest.approx(getattr(other, key), rel=1e-6)
+
+
+def five_bar(factor: float = 1.0) -> bc.Scene:
+    """The five-bar robot with two servo drives, without gravity, 0.1 mrad from their targets."""
+    motor = MOTOR | {"torque_constant": 0.05, "rotor_inertia": 1e-5}
+    actuators = {}
+    for name, target, gain in (("left_motor", 110, factor), ("right_motor", 95, 1.0)):
+        servo = {"target": math.radians(target) + 1e-4, "position": {"kp": 20}, "sample_time": 2e-3,
+                 "speed": {"kp": 0.01 * gain, "ti": 0.05}}  # fmt: skip
+        actuators[name] = {"motor": motor, "gear": GEAR | {"ratio": 10}, "model": "torque", "rotor_friction": NONE,
+                           "servo": servo}  # fmt: skip
+    return bc.load_scene("five_bar").with_overrides({"actuators": actuators, "control": [], "gravity": [0, 0, 0]})
+
+
+def test_margins_of_a_drive_in_a_linkage_are_those_at_which_its_runs_begin_to_grow() -> None:
+    margin = bc.linearise(five_bar()).drives[0].gain_margin
+    assert margin is not None and 1.5 < margin < 20.0
+    for factor, grows in ((0.97, False), (1.03, True)):
+        speed = np.abs(bc.simulate(five_bar(factor * margin), duration=2.0, samples=2001).velocity[:, 0])
+        assert bool(speed[-500:].max() > 0.5 * speed[:500].max()) is grows
+
+
+def test_gains_are_found_for_the_drives_of_a_linkage_that_then_follows_its_motion() -> None:
+    scene = bc.load_scene("five_bar")
+    servo = {"motion": "pick", "gains": "auto", "sample_time": 5e-4, "feedforward": {"speed": 1}}
+    motor = MOTOR | {"torque_constant": 0.05, "rotor_inertia": 1e-5, "peak_current": 60.0}
+    drive = {"motor": motor, "gear": GEAR | {"ratio": 10}, "model": "torque", "rotor_friction": NONE, "servo": servo}
+    changes = {"actuators": {"left_motor": drive, "right_motor": drive}, "control": [], "initial": {"motion": "pick"}}
+    found = bc.verify_selection(scene.with_overrides(changes))
+    for each in found.drives:
+        assert each.stable and each.gain_margin >= 2.0 and each.phase_margin >= math.radians(30)
+    assert all(axis.tracking_error < 0.05 for axis in found.axes)
+
+
+def test_a_linkage_whose_constraint_moves_has_no_linear_equations_of_its_drives(tmp_path: Path) -> None:
+    path = two_links(tmp_path, True)
+    data = yaml.safe_load(path.read_text())
+    data["constraints"][0]["expression"] += " - 0.1*t"
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(bc.InputError, match="require constraints of positions that do not move"):
+        bc.linearise(path)
+
+
 def test_margins_of_a_continuous_loop_are_those_of_its_frequency_response(tmp_path: Path) -> None:
     kv, kp, ti = 12.0, 0.06, 0.04
     servo = {"target": 0.0, "position": {"kp": kv}, "speed": {"kp": kp, "ti": ti}}

@@ -39,7 +39,8 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
     smooth = smooth_scene(scene)
     equations = DriveEquations(with_continuous_loops(smooth), t, position)
     keep = equations.varying
-    a, size = equations.field[np.ix_(keep, keep)], robot.nv
+    a = equations.columns(equations.field[keep])
+    size = sum(k < robot.nv for k in keep)
     names = [*coordinate_names(robot)]
     names += [(f"{name} rate", f"{unit}/s") for name, unit in names]
     states = [(f"{own.name} {label.rpartition(' [')[0]}", label.rpartition(" [")[2][:-1])
@@ -72,7 +73,7 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
         kind=EQUILIBRIUM if rest else MOVING,
         time=time,
         position=position,
-        velocity=np.zeros(size),
+        velocity=np.zeros(robot.nv),
         states=tuple(named[k] for k in keep),
         inputs=tuple(inputs),
         outputs=tuple(named[k] for k in keep),

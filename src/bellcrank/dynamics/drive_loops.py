@@ -1,7 +1,8 @@
 """The loops of drives: resonance, bandwidth and stability margins of each, at rest in a posture.
 
 Their equations are linear ones about the posture, without dry friction and stops, losses of gears and backlash, at
-the temperatures of the start and with the bus at its voltage.
+the temperatures of the start and with the bus at its voltage. Those of a closed linkage are in independent joints, by
+which its constraints move the others; constant torques at the joints with drives hold the posture.
 
 The resonances of an axis are the eigenfrequencies ω_r of its rotor and the joints, with the torque of its motor given
 and the other rotors and joints without elastic gear held; the antiresonances ω_a those with its own rotor held too: the
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.copper import resistance_factor
-from bellcrank.dynamics.assembly import assemble
+from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
 from bellcrank.elements.drives import Drive
@@ -35,10 +36,15 @@ from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.joint_forces import Damper
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.pin_friction import PinFriction
 from bellcrank.elements.supply import Supply
 from bellcrank.errors import InputError
+from bellcrank.scene.settings import Stabilisation
 
 if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -51,6 +57,8 @@ FREQUENCIES = 1000
 LOWEST = 1e-5  # of the largest frequency
 MOST_INSTANTS = 20_000
 COMMON = 1e-6  # relative: sample times whose ratio is nearer than this to a whole number have it
+LEAST_RANK = 1e-7  # of the largest singular value: rounding of a rank that is lost
+PREFERRED = 1e3  # the weight of joints with drives among those that could be independent
 BANDWIDTH = 1.0 / math.sqrt(2.0)
 
 
@@ -109,15 +117,19 @@ class DriveDynamics:
 
 def refuse_nonlinear(scene: Scene) -> None:
     """Refuse a scene whose drives have no linear equations here (InputError)."""
-    what = "linear equations of drives are those of open chains with joints of one degree of freedom"
-    if scene.constraints:
-        raise InputError(f"{scene.source}: {what}; '{scene.constraints[0].name}' is a constraint")
+    what = "linear equations of drives require joints of one degree of freedom"
     for joint in scene.robot.joints:
         if joint.nv != 1 or joint.nq != 1:
             raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
     smooth = (*scene.drives, *scene.dry_friction)
     if any(part.switches for part in scene.elements if part not in smooth):
         raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")
+    rubbing = [part for part in scene.dry_friction if not isinstance(part, JointDryFriction)]
+    if odd := [part for part in rubbing if not isinstance(part, PinFriction) or part.viscous]:
+        raise InputError(
+            f"{scene.source}: linear equations of drives do not know {odd[0].kind} of '{odd[0].held}'; remove it, or "
+            "its viscous part"
+        )
     others = [part.name for part in scene.control if part.samples is not None and part not in scene.drives]
     if others:
         raise InputError(f"{scene.source}: control '{others[0]}' is sampled, and is not part of a drive; remove it")
@@ -130,10 +142,11 @@ def smooth_scene(scene: Scene) -> Scene:
         if isinstance(part, JointDryFriction):
             if part.viscous:
                 forces.append(Damper(part.name, part.place, part.joint, part.viscous))
-        elif not isinstance(part, JointStop | Supply):
+        elif not isinstance(part, JointStop | Supply | PinFriction):
             forces.append(part)
     control = tuple(_without_losses(part) if isinstance(part, Drive) else part for part in scene.control)
-    return replace(scene, forces=tuple(forces), control=control, outputs={}, events=())
+    settings = replace(scene.settings, stabilisation=Stabilisation())
+    return replace(scene, forces=tuple(forces), control=control, outputs={}, events=(), settings=settings)
 
 
 def _without_losses(drive: Drive) -> Drive:
@@ -204,7 +217,8 @@ class DriveEquations:
         slope = casadi.jacobian(casadi.vertcat(*errors), reference)
         error = casadi.Function("error", args, [casadi.vertcat(*errors), slope])
         self._functions = casadi.Function("slopes", args, outputs), start, error
-        self._mass = casadi.Function("mass", [a.q, a.p], [casadi.diag(mass_matrix(s))])
+        self._mass = casadi.Function("mass", [a.q, a.p], [mass_matrix(s)])
+        self._jacobian = None if a.solution is None else _jacobian(scene, a)
         self._state = np.concatenate([position, np.zeros(nv), np.zeros(a.z.numel())])
         self._time, self._signals = time, scene.signals_at(time)[0]
         constant = [False] * (2 * nv)
@@ -213,12 +227,14 @@ class DriveEquations:
             if states is not None:
                 own = [] if drive.servo is None else drive.servo.constant
                 constant += [False] * (states.size - len(own)) + own
-        self.varying = [k for k, still in enumerate(constant) if not still]
-        self.take(system_parameters(scene))
+        self._changing = [k for k, still in enumerate(constant) if not still]
+        self.take(scene.own_parameters)
 
-    def take(self, parameters: Array) -> None:
-        """Take other parameters of the scene (np,)."""
+    def take(self, own: Array) -> None:
+        """Take other parameters of the scene (np,). Raises InputError where there are no linear equations."""
         _, start, error = self._functions
+        parameters = np.concatenate([own, system_parameters(self.scene)[len(self.scene.own_parameters) :]])
+        self._choose_coordinates(parameters)
         count, nv, x = len(self.scene.drives), self.scene.robot.nv, self._state.copy()
         zero, one, load = np.zeros(count), np.ones(count), np.zeros(nv)
         begin = self._time, x, self._signals, parameters
@@ -232,6 +248,12 @@ class DriveEquations:
         x[2 * nv :] = np.asarray(start(*begin, one, shift, zero, load)).ravel()
         self._point = (*begin, zero, shift, zero, load)
         rates, self.field, _, _, self.inputs, *_ = found = self._values(one)
+        rows, which = self._balanced()
+        if rows and np.isfinite(rates).all() and np.isfinite(self.inputs).all():
+            torques = np.zeros(count + nv)
+            torques[which] = np.linalg.lstsq(self.inputs[rows][:, which], -rates.ravel()[rows], rcond=None)[0]
+            self._point = (*begin, zero, shift, torques[:count], torques[count:])
+            rates, self.field, _, _, self.inputs, *_ = found = self._values(one)
         if not all(np.isfinite(each).all() for each in found):
             raise InputError(
                 f"{self.scene.source}: the linear equations of the drives are not finite; a figure of a motor, gear or "
@@ -241,12 +263,58 @@ class DriveEquations:
         moving = np.abs(rates.ravel()[self.varying])
         self.residual = float((moving / np.maximum(terms[self.varying], 1.0)).max(initial=0.0))
 
+    def _choose_coordinates(self, parameters: Array) -> None:
+        """The entries of the state that are independent, and how the others follow."""
+        self.varying, self._expand, nv = self._changing, None, self.scene.robot.nv
+        if self._jacobian is None:
+            return
+        followed = _motion_by_independent(
+            self.scene, np.asarray(self._jacobian(self._time, self._state[:nv], self._signals, parameters))
+        )
+        own, basis = followed
+        whole = np.eye(len(self._state))
+        moving = [*own, *(nv + k for k in own)]
+        whole[:nv, own], whole[nv : 2 * nv, [nv + k for k in own]] = basis, basis
+        self.varying = [k for k in self._changing if k >= 2 * nv or k in moving]
+        self._expand = whole[:, self.varying]
+
+    def _balanced(self) -> tuple[list[int], list[int]]:
+        """The rows of ẋ that constant torques take to 0 in the posture, and these torques among the inputs.
+
+        They are those of rotors behind elastic gears; in a linkage, whose load at the start is not known, also those of
+        the joints, and forces at the joints with drives.
+        """
+        nv, drives = self.scene.robot.nv, self.scene.drives
+        rows, which, first = list[int](), list[int](), 2 * nv
+        for k, drive in enumerate(drives):
+            if drive.is_elastic:
+                rows, which = [*rows, first + 1], [*which, k]
+            first += 0 if drive.auxiliary is None else drive.auxiliary.size
+        if self._jacobian is None:
+            return rows, which
+        return [*range(nv, 2 * nv), *rows], [*which, *(len(drives) + drive.joint.v for drive in drives)]
+
+    def columns(self, matrix: Array) -> Array:
+        """A derivative by the state (m, n) as one by its independent entries."""
+        return matrix[:, self.varying] if self._expand is None else np.asarray(matrix @ self._expand)
+
+    def of_joint(self, joint: RobotJoint) -> Array:
+        """The derivative (k,) of a joint's position by the independent entries of the state."""
+        return np.asarray(self.columns(np.eye(1, len(self._state), joint.v))[0])
+
     def inertia_at_rotor(self, drive: Drive) -> float:
-        """The inertia (kg m²) of rotor and load at the rotor, the other joints being held."""
+        """The inertia (kg m²) of rotor and load at the rotor, the other (independent) joints being held."""
         _, x, _, p, *_ = self._point
-        mass = np.asarray(self._mass(x[: self.scene.robot.nq], p)).ravel()
-        ratio = drive.gear["ratio"]
-        return float(mass[drive.joint.v] / ratio**2 + drive.gear.get("inertia", 0.0))
+        nv, ratio = self.scene.robot.nv, drive.gear["ratio"]
+        mass = np.asarray(self._mass(x[: self.scene.robot.nq], p))
+        if self._expand is None:
+            inertia = mass[drive.joint.v, drive.joint.v]
+        else:
+            basis = self._expand[:nv, [k for k, entry in enumerate(self.varying) if entry < nv]]
+            reduced, way = basis.T @ mass @ basis, basis[drive.joint.v]
+            held = np.flatnonzero(np.abs(way) > 0.0)  # itself, where it is independent
+            inertia = 1.0 / (way[held] @ np.linalg.solve(reduced[np.ix_(held, held)], way[held]))
+        return float(inertia / ratio**2 + drive.gear.get("inertia", 0.0))
 
     def _values(self, factor: Array) -> list[Array]:
         t, x, u, p, _, *rest = self._point
@@ -256,14 +324,47 @@ class DriveEquations:
     def slopes(self, factor: Array) -> _Slopes:
         """At factors κ of the drives."""
         _, field, by_held, _, _, *updates = self._values(factor)
-        keep = self.varying
-        pairs = [(updates[3 * k][:, keep], updates[3 * k + 1]) for k in range(len(self.instants))]
-        return _Slopes(field[np.ix_(keep, keep)], by_held[keep], pairs)
+        pairs = [(self.columns(updates[3 * k]), updates[3 * k + 1]) for k in range(len(self.instants))]
+        return _Slopes(self.columns(field[self.varying]), by_held[self.varying], pairs)
 
     def by_reference(self, k: int) -> tuple[Array, list[Array]]:
         """∂ẋ/∂r and ∂h⁺/∂r of the reference of drive k."""
         _, _, _, by_reference, _, *updates = self._values(np.ones(len(self.scene.drives)))
         return by_reference[self.varying, k], [updates[3 * i + 2][:, k] for i in range(len(self.instants))]
+
+
+def _jacobian(scene: Scene, a: Assembly) -> casadi.Function:
+    """J (m, nv) of the constraints of a scene. Raises InputError where they move, or are of velocities."""
+    import casadi
+
+    assert a.solution is not None
+    found = a.solution.derivatives
+    if found.nonholonomic_residual.numel() or not found.explicit_rate.is_zero():
+        raise InputError(
+            f"{scene.source}: linear equations of drives require constraints of positions that do not move; one of "
+            f"{', '.join(part.name for part in scene.constraints)} is of velocities, or moves"
+        )
+    return casadi.Function("jacobian", [a.t, a.q, a.u, a.p], [casadi.densify(found.jacobian)])
+
+
+def _motion_by_independent(scene: Scene, jacobian: Array) -> tuple[list[int], Array]:
+    """The entries of v that are independent, those of drives first, and how (nv, k) they move all.
+
+    Raises InputError where the constraints lose rank.
+    """
+    from scipy.linalg import qr
+
+    _, sizes, rows = np.linalg.svd(jacobian)
+    if len(sizes) and sizes[-1] < LEAST_RANK * sizes[0]:
+        raise InputError(
+            f"{scene.source}: the constraints are singular in the posture, where linear equations of drives do not "
+            "describe the motion; start elsewhere"
+        )
+    null, weight = rows[len(sizes) :], np.ones(scene.robot.nv)
+    weight[[drive.joint.v for drive in scene.drives]] = PREFERRED
+    order = qr(null * weight, pivoting=True, mode="r")[1]
+    own = sorted(int(k) for k in order[: len(null)])
+    return own, np.linalg.solve(null[:, own], null).T
 
 
 def drive_dynamics(scene: Scene, drive: Drive, time: Array, position: Array) -> DriveDynamics:
@@ -313,8 +414,11 @@ def _resonances(
             [drive.joint.v, nv + drive.joint.v],
         )
 
+    field = equations.columns(equations.field[equations.varying])
+
     def frequencies(rows: list[int]) -> tuple[float, ...]:
-        values = np.linalg.eigvals(equations.field[np.ix_(rows, rows)]) if rows else np.zeros(0)
+        kept = [equations.varying.index(row) for row in rows if row in equations.varying]
+        values = np.linalg.eigvals(field[np.ix_(kept, kept)]) if kept else np.zeros(0)
         least = 1e-6 * np.abs(values).max(initial=0.0)
         return tuple(sorted(float(abs(value)) for value in values if value.imag > least))
 
@@ -433,12 +537,12 @@ class DriveLoop:
     def bandwidth(self) -> float | None:
         """The angular frequency (rad/s) at which the joint follows its reference with 1/√2; None: there is none."""
         by_reference, kicks = self.equations.by_reference(self.number)
-        row = self.equations.varying.index(self.drive.joint.v)
+        out = self.equations.of_joint(self.drive.joint)
         if not self._schedule:
             a = self._at(1.0).field
             top = 10.0 * float(np.abs(np.linalg.eigvals(a)).max(initial=1.0))
             values, vectors = np.linalg.eig(a)
-            modal, shape = np.linalg.solve(vectors, by_reference), vectors[row]
+            modal, shape = np.linalg.solve(vectors, by_reference), out @ vectors
 
             def response(w: float) -> float:
                 return float(abs(np.sum(shape * modal / (1j * w - values))))
@@ -449,7 +553,7 @@ class DriveLoop:
 
             def response(w: float) -> float:
                 z = np.exp(1j * w * self.period)
-                return float(abs(np.linalg.solve(z * np.eye(len(b)) - over_period, b)[row]))
+                return float(abs(out @ np.linalg.solve(z * np.eye(len(b)) - over_period, b)[: len(out)]))
 
         grid = np.geomspace(LOWEST * top, top, FREQUENCIES)
         size = [response(w) for w in grid.tolist()]

@@ -19,6 +19,7 @@ from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.dynamics.drive_loops import DriveDynamics
+from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.files import json_files
 from bellcrank.files.access import Trust
@@ -428,7 +429,7 @@ def _frame(scene: Scene, frame: str | None) -> str:
 
 def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
     length = scene.motion(motion).duration
-    changes: dict[str, Any] = {"initial": {"motion": motion}, "simulate.duration": length + rest}
+    changes: dict[str, Any] = {"initial": _start(scene, motion), "simulate.duration": length + rest}
     for drive in scene.drives:
         servo = scene.data["actuators"][drive.joint.name]["servo"]
         kept = {key: value for key, value in servo.items() if key != "target"}
@@ -436,6 +437,16 @@ def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
     duration = length + rest
     rows = min(max(math.ceil(duration / SPACING) + 1, 1001), MOST_ROWS)
     return simulate(scene.with_overrides(changes), samples=rows)
+
+
+def _start(scene: Scene, motion: str) -> dict[str, Any]:
+    """The entry `initial` of the start of a motion, with that of the joints that constraints move."""
+    found: dict[str, Any] = {"motion": motion}
+    if not scene.constraints:
+        return found
+    whole, independent = mechanism_of(scene).along(motion)
+    others = [joint for joint in scene.robot.joints if joint.nq == 1 and joint.name not in independent]
+    return found | {joint.name: {"guess": float(whole.position[0, joint.q])} for joint in others}
 
 
 def _followed(run: Trajectory, drive: Drive, motion: str) -> FollowedAxis:
@@ -500,8 +511,8 @@ def _tool_error(run: Trajectory, motion: str, frame: str) -> float:
     robot = run.robot
     joints = [joint for joint in robot.joints if joint.nv == 1]
     at = np.minimum(run.time, run.scene.motion(motion).duration)
-    wanted = run.position.copy()
-    references = {drive.name: drive for drive in run.scene.drives if drive.servo is not None}
+    wanted = mechanism_of(run.scene).along(motion)[0].at(at)[0] if run.scene.constraints else run.position.copy()
+    references = {} if run.scene.constraints else {d.name: d for d in run.scene.drives if d.servo is not None}
     for drive in references.values():
         assert drive.servo is not None and drive.servo.motion is not None
         place = [joint.name for joint in joints].index(drive.joint.name)
