@@ -146,3 +146,29 @@ def test_a_selection_that_no_drive_follows_well_enough_is_not_inside(tmp_path, c
     assert "tracking error" in capsys.readouterr().out
     with pytest.raises(bc.InputError, match="unknown limit 'error'"):
         bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"error": 1.0})
+
+
+@pytest.mark.tier2
+def test_a_delta_robot_follows_the_path_of_its_tool_from_the_posture_in_which_it_begins(tmp_path: Path) -> None:
+    """Its drives have no friction and follow with feed-forward: errors are those of the loops alone, some 0.1 mrad."""
+    motor = {"maker": "a", "model": "b", "torque_constant": 0.1, "torque_constant_basis": "dc", "resistance": 0.8,
+             "inductance": 1e-3, "rotor_inertia": 1e-4, "nominal_voltage": 480.0}  # fmt: skip
+    gear = {"maker": "a", "model": "g", "kind": "planetary", "ratio": 10, "efficiency": 1, "inertia": 0,
+            "inertia_side": "input"}  # fmt: skip
+    servo = {"motion": "pick", "gains": "auto", "sample_time": 1e-3}
+    drive = {"motor": motor, "gear": gear, "model": "torque", "rotor_friction": "none", "servo": servo}
+    scene = bc.load_scene("delta")
+    changes = {"actuators": {f"motor_{k}": drive for k in (1, 2, 3)}, "control": []}
+    found = bc.verify_selection(scene.with_overrides(changes), frame="tool")
+    assert all(axis.tracking_error < 5e-4 for axis in found.axes)
+    assert found.tool_errors["pick"] < 2e-3
+    assert all(each.stable and each.phase_margin >= np.radians(30) for each in found.drives)
+
+
+def test_controllers_of_a_file_give_way_to_the_servos_that_a_verification_adds(tmp_path: Path) -> None:
+    motor = {"maker": "a", "model": "b", "torque_constant": 0.05, "torque_constant_basis": "dc", "resistance": 0.8,
+             "rotor_inertia": 1e-5, "nominal_voltage": 48.0}  # fmt: skip
+    changes = {"actuators": {name: {"motor": motor} for name in ("left_motor", "right_motor")}}
+    found = bc.verify_selection(bc.load_scene("five_bar").with_overrides(changes))
+    assert all(axis.tracking_error < 0.01 for axis in found.axes)
+    assert "control motors of the file is left out" in " ".join(found.notes)

@@ -78,7 +78,7 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
         inputs=tuple(inputs),
         outputs=tuple(named[k] for k in keep),
         A=a,
-        B=equations.inputs[keep],
+        B=equations.inputs[np.ix_(keep, [*range(len(drives)), *(len(drives) + joint.v for joint in joints)])],
         C=np.eye(len(keep)),
         D=np.zeros((len(keep), len(inputs))),
         modes=modes,

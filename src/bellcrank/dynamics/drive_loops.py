@@ -117,8 +117,8 @@ class DriveDynamics:
 
 def refuse_nonlinear(scene: Scene) -> None:
     """Refuse a scene whose drives have no linear equations here (InputError)."""
-    what = "linear equations of drives require joints of one degree of freedom"
-    for joint in scene.robot.joints:
+    what = "linear equations of drives in an open chain require joints of one degree of freedom"
+    for joint in scene.robot.joints if not scene.constraints else ():
         if joint.nv != 1 or joint.nq != 1:
             raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
     smooth = (*scene.drives, *scene.dry_friction)
@@ -180,7 +180,10 @@ class _Slopes(NamedTuple):
 
 
 class DriveEquations:
-    """The equations of drives about a posture, as functions of the factor κ at one of them."""
+    """The equations of drives about a posture, as functions of the factor κ at one of them.
+
+    Their states are small displacements of the joints (nv), velocities (nv), and the states of the drives.
+    """
 
     def __init__(self, scene: Scene, time: Array, position: Array) -> None:
         import casadi
@@ -194,7 +197,13 @@ class DriveEquations:
             casadi.vertcat(*[group[n] for n in names]) for group in (more.factor, more.reference, more.torque)
         )
         extra = [factor, reference, torque, more.load]
-        state, rate = casadi.vertcat(a.q, a.v, a.z), casadi.vertcat(a.rate, a.acceleration, a.auxiliary_rate)
+        state, rate = casadi.vertcat(a.q, a.v, a.z), casadi.vertcat(a.v, a.acceleration, a.auxiliary_rate)
+        by_displacement = casadi.jacobian(a.rate, a.v)
+
+        def slopes(values: casadi.SX) -> casadi.SX:
+            own = casadi.vertcat(a.v, a.z)
+            return casadi.horzcat(casadi.jacobian(values, a.q) @ by_displacement, casadi.jacobian(values, own))
+
         sampled = [(drive, source) for drive in scene.drives if (source := drive.samples) is not None]
         held = casadi.vertcat(casadi.SX(0, 1), *[s.signal(source) for _, source in sampled])
         self.held_size = held.numel()
@@ -204,11 +213,11 @@ class DriveEquations:
             for drive, k, _ in self.instants
         ]
         args = [a.t, state, a.u, a.p, *extra]
-        outputs = [rate, casadi.jacobian(rate, state), casadi.jacobian(rate, held), casadi.jacobian(rate, reference)]
+        outputs = [rate, slopes(rate), casadi.jacobian(rate, held), casadi.jacobian(rate, reference)]
         outputs.append(casadi.jacobian(rate, casadi.vertcat(torque, more.load)))
         for update in updates:
             outputs += [
-                casadi.jacobian(update, state),
+                slopes(update),
                 casadi.jacobian(update, held),
                 casadi.jacobian(update, reference),
             ]
@@ -220,6 +229,7 @@ class DriveEquations:
         self._mass = casadi.Function("mass", [a.q, a.p], [mass_matrix(s)])
         self._jacobian = None if a.solution is None else _jacobian(scene, a)
         self._state = np.concatenate([position, np.zeros(nv), np.zeros(a.z.numel())])
+        self._size = 2 * nv + a.z.numel()
         self._time, self._signals = time, scene.signals_at(time)[0]
         constant = [False] * (2 * nv)
         for drive in scene.drives:
@@ -236,16 +246,17 @@ class DriveEquations:
         parameters = np.concatenate([own, system_parameters(self.scene)[len(self.scene.own_parameters) :]])
         self._choose_coordinates(parameters)
         count, nv, x = len(self.scene.drives), self.scene.robot.nv, self._state.copy()
+        own_states = self.scene.robot.nq + nv
         zero, one, load = np.zeros(count), np.ones(count), np.zeros(nv)
         begin = self._time, x, self._signals, parameters
-        x[2 * nv :] = np.asarray(start(*begin, one, zero, zero, load)).ravel()
+        x[own_states:] = np.asarray(start(*begin, one, zero, zero, load)).ravel()
         wrong, slope = (np.asarray(m) for m in error(*begin, one, zero, zero, load))
         slope = slope.reshape(count, count)
         if not (np.isfinite(wrong).all() and np.isfinite(slope).all()):
             wrong, slope = 0.0 * zero, np.zeros((count, count))
         # integrators hold the posture where the references make the errors 0
         shift = np.linalg.lstsq(slope, -wrong.ravel(), rcond=None)[0] if slope.any() else zero
-        x[2 * nv :] = np.asarray(start(*begin, one, shift, zero, load)).ravel()
+        x[own_states:] = np.asarray(start(*begin, one, shift, zero, load)).ravel()
         self._point = (*begin, zero, shift, zero, load)
         rates, self.field, _, _, self.inputs, *_ = found = self._values(one)
         rows, which = self._balanced()
@@ -259,7 +270,8 @@ class DriveEquations:
                 f"{self.scene.source}: the linear equations of the drives are not finite; a figure of a motor, gear or "
                 "servo is too large or too small"
             )
-        terms = np.abs(self.field) @ np.abs(x) + np.abs(self.inputs).max(axis=1, initial=0.0)
+        sizes = np.abs(x) if own_states == 2 * nv else np.concatenate([np.ones(2 * nv), np.abs(x[own_states:])])
+        terms = np.abs(self.field) @ sizes + np.abs(self.inputs).max(axis=1, initial=0.0)
         moving = np.abs(rates.ravel()[self.varying])
         self.residual = float((moving / np.maximum(terms[self.varying], 1.0)).max(initial=0.0))
 
@@ -268,11 +280,10 @@ class DriveEquations:
         self.varying, self._expand, nv = self._changing, None, self.scene.robot.nv
         if self._jacobian is None:
             return
-        followed = _motion_by_independent(
-            self.scene, np.asarray(self._jacobian(self._time, self._state[:nv], self._signals, parameters))
-        )
-        own, basis = followed
-        whole = np.eye(len(self._state))
+        q = self._state[: self.scene.robot.nq]
+        jacobian = np.asarray(self._jacobian(self._time, q, self._signals, parameters))
+        own, basis = _motion_by_independent(self.scene, jacobian)
+        whole = np.eye(self._size)
         moving = [*own, *(nv + k for k in own)]
         whole[:nv, own], whole[nv : 2 * nv, [nv + k for k in own]] = basis, basis
         self.varying = [k for k in self._changing if k >= 2 * nv or k in moving]
@@ -300,7 +311,7 @@ class DriveEquations:
 
     def of_joint(self, joint: RobotJoint) -> Array:
         """The derivative (k,) of a joint's position by the independent entries of the state."""
-        return np.asarray(self.columns(np.eye(1, len(self._state), joint.v))[0])
+        return np.asarray(self.columns(np.eye(1, self._size, joint.v))[0])
 
     def inertia_at_rotor(self, drive: Drive) -> float:
         """The inertia (kg m²) of rotor and load at the rotor, the other (independent) joints being held."""

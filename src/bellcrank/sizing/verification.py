@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,8 +22,9 @@ from bellcrank.dynamics.drive_loops import DriveDynamics
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.files import json_files
-from bellcrank.files.access import Trust
+from bellcrank.files.access import FileAccess, Trust
 from bellcrank.messages import unknown_name
+from bellcrank.motion.csv_file import write_motion
 from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
@@ -42,6 +43,7 @@ LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", 
                  "winding_temperature": "°C", "bus_voltage": "V"}  # fmt: skip
 OF_MOTIONS: Final = ("tool_error", "bus_voltage")  # limits that are not those of an axis
 LONGEST_REST = 1e6  # s
+BESIDE: Final = 1e-6  # rad or m: a linkage that starts further from its motion starts in another assembly
 BAND: Final = {"rad": 1e-3, "m": 1e-4}  # within which a joint has settled
 
 
@@ -304,7 +306,7 @@ def verify_selection(
     with ExitStack() as stack:
         whole = _scene_of(scene, overrides, trust, stack)
         names = _motion_names(whole, motions)
-        whole, notes = _with_drives(whole, names[0], period)
+        whole, notes = _with_drives(_of_joints(whole, names, stack), names[0], period)
         point = _frame(whole, frame)
         runs = {}
         for name in names:
@@ -373,6 +375,21 @@ def _motion_names(scene: Scene, motions: str | Sequence[str] | None) -> list[str
     return names
 
 
+def _of_joints(scene: Scene, motions: Sequence[str], stack: ExitStack) -> Scene:
+    """The scene with motions of a linkage's tool as those of its joints, which drives follow. Raises BellcrankError."""
+    changes: dict[str, Any] = {}
+    for k, name in enumerate(motions if scene.constraints else ()):
+        try:
+            scene.motion(name)
+        except InputError:  # the tool's path alone, without the constraints, moves no joint
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory())).resolve()
+            path = write_motion(mechanism_of(scene).along(name)[0], folder / f"motion_{k}.csv")
+            changes[f"motions.{name}"] = {"kind": "csv", "file": str(path)}
+            access = scene.access or FileAccess.below(folder)
+            scene = replace(scene, access=replace(access, trusted=(*access.trusted, folder)))
+    return scene.with_overrides(changes) if changes else scene
+
+
 def _with_drives(scene: Scene, motion: str, period: float) -> tuple[Scene, list[str]]:
     """The scene with a drive for each actuator, and notes on those that the file does not describe."""
     there = {drive.joint.name for drive in scene.drives}
@@ -394,6 +411,11 @@ def _with_drives(scene: Scene, motion: str, period: float) -> tuple[Scene, list[
         if motor.coulomb_torque is None or motor.viscous_coefficient is None:
             changes[f"actuators.{name}.rotor_friction"] = "none"
             rough.append(name)
+    replaced = [part.name for part in scene.control if {joint.name for joint in part.joints} <= {*missing}]
+    if missing and replaced:
+        kept = [entry for entry in scene.data["control"] if entry.get("name", entry.get("kind")) not in replaced]
+        changes["control"] = kept
+        notes.append(Note(f"control {', '.join(replaced)} of the file is left out: the servos command these joints"))
     if missing:
         notes.append(
             Note(
@@ -436,7 +458,15 @@ def _run(scene: Scene, motion: str, rest: float) -> Trajectory:
         changes[f"actuators.{drive.joint.name}.servo"] = {**kept, "motion": motion}
     duration = length + rest
     rows = min(max(math.ceil(duration / SPACING) + 1, 1001), MOST_ROWS)
-    return simulate(scene.with_overrides(changes), samples=rows)
+    run = simulate(scene.with_overrides(changes), samples=rows)
+    for drive in run.scene.drives if scene.constraints else ():
+        beside = abs(float(drive_columns(run, drive).get("tracking error", np.zeros(1))[0]))
+        if beside > BESIDE:
+            raise InputError(
+                f"{scene.source}: the linkage does not start where motion '{motion}' does: joint "
+                f"'{drive.joint.name}' is {beside:.3g} rad or m beside it; its assembly may be another one"
+            )
+    return run
 
 
 def _start(scene: Scene, motion: str) -> dict[str, Any]:
@@ -445,8 +475,16 @@ def _start(scene: Scene, motion: str) -> dict[str, Any]:
     if not scene.constraints:
         return found
     whole, independent = mechanism_of(scene).along(motion)
-    others = [joint for joint in scene.robot.joints if joint.nq == 1 and joint.name not in independent]
-    return found | {joint.name: {"guess": float(whole.position[0, joint.q])} for joint in others}
+    for joint in scene.robot.joints[scene.robot.floating_base :]:  # a free base keeps its own entry
+        place = whole.position[0, joint.q : joint.q + joint.nq].tolist()
+        if joint.nq == 1 and joint.name not in independent:
+            found[joint.name] = {"guess": place[0]}
+        elif joint.kind == "planar":
+            found[joint.name] = {"position": {"guess": place[:2]}, "angle": {"guess": math.atan2(place[3], place[2])}}
+        elif joint.kind in ("floating", "spherical"):
+            turn = {"quaternion_xyzw": {"guess": place[-4:]}}
+            found[joint.name] = turn if joint.kind == "spherical" else {"position": {"guess": place[:3]}, **turn}
+    return found
 
 
 def _followed(run: Trajectory, drive: Drive, motion: str) -> FollowedAxis:
