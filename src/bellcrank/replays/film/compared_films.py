@@ -26,7 +26,7 @@ MOST_LOOKED_AT = 200  # frames by which the camera is placed
 
 def compared_films(film: Film, other: Film) -> Film:
     """A film with another one over it, whose names begin with its title, or with "second" where both are the same."""
-    first, second = (film.title, other.title) if film.title != other.title else ("first", "second")
+    first, second = names_of(film, other)
     time = np.union1d(film.time, other.time)
     poses = np.concatenate([_poses_at(one, time) for one in (film, other)], axis=1)
     count = len(film.bodies)
@@ -87,6 +87,11 @@ def compared_films(film: Film, other: Film) -> Film:
         success=film.success and other.success,
         notes=tuple(notes),
     )
+
+
+def names_of(film: Film, other: Film) -> tuple[str, str]:
+    """How two films over each other are called."""
+    return (film.title, other.title) if film.title != other.title else ("first", "second")
 
 
 def _tinted(body: Body, prefix: str) -> Body:
