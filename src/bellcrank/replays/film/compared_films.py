@@ -12,15 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.film.camera import HALF_VIEW
+from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, Line
 from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import Body, bounding_boxes, triple, world_corners
+from bellcrank.replays.geometry.shapes import Body, bounding_boxes, world_corners
 
 Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
-MARGIN = 1.08  # around what the camera shows
 MOST_LOOKED_AT = 200  # frames by which the camera is placed
 
 
@@ -160,8 +159,4 @@ def _camera(camera: Camera, poses: Array, bodies: Sequence[Body]) -> Camera:
     """A camera in the direction of another one, that sees all bodies at all times."""
     some = poses[np.unique(np.linspace(0, len(poses) - 1, MOST_LOOKED_AT).astype(int))]
     points = world_corners(some, bounding_boxes(bodies)).reshape(-1, 3)
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    radius = float(np.linalg.norm(points - middle, axis=1).max())
-    back = np.subtract(camera.position, camera.target)
-    distance = MARGIN * max(radius, 1e-3) / np.sin(np.arctan(HALF_VIEW))
-    return Camera(triple(middle + distance * back / np.linalg.norm(back)), triple(middle), camera.up)
+    return fit_camera(points, np.subtract(camera.position, camera.target), np.asarray(camera.up))
