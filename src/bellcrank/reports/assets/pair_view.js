@@ -30,7 +30,7 @@ function pairView(candidate, width, { open = false, figures = true, reach = null
       ...pairFigures(candidate).map(([name, value]) => element("div", { className: value.length > LONG ? "long" : "" }, element("dt", { textContent: name }), element("dd", { textContent: value })))));
   }
   box.append(torqueSpeedPlane(detail, width, reach ?? planeReach(detail)),
-    element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit" }), useBars(candidate.criteria, open)),
+    element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit; press a bar for its load and limit" }), useBars(candidate.criteria, open)),
     element("section", { className: "temperature-part" }, element("h4", { textContent: "Temperature" }), temperatureChart(detail, width)));
   return box;
 }
