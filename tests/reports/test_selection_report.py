@@ -386,6 +386,7 @@ def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_load_and_
     bars = page.tab.locator("#pair .uses li")
     over = bars.first
     assert over.get_attribute("class") == "exceeded" and "▲ over" in over.inner_text() and "1420 %" in over.inner_text()
+    assert "bellcrank select … --keep shoulder=" in page.tab.locator("#pair .figures").inner_text()
     page.tab.locator(".candidates tbody tr", has_text="Unstated").locator("td").nth(3).click()
     widths = page.do(
         """[...document.querySelectorAll("#pair .uses li")].map((li) => {

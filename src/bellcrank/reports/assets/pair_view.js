@@ -7,6 +7,9 @@ const tierBadge = (tier) => element("span", { className: `tier ${tier.replaceAll
 const LONG = 40; // characters of a figure that takes a line of its own
 const known = (value, unit, digits = 3) => (value === null || value === undefined ? "unknown" : `${formatNumber(value, digits)}${unit && ` ${unit}`}`);
 
+/** A text as one word of a shell. */
+const quoted = (text) => (/^[\w.=+-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
+
 /** (name, value) of a pair's figures. */
 const pairFigures = (candidate) => [
   ["ratio", candidate.gear.direct ? "direct" : known(candidate.shaft.ratio, candidate.axis.kind === "linear" ? "rad/m" : "", 4)],
@@ -18,6 +21,7 @@ const pairFigures = (candidate) => [
   ["fit", candidate.fit],
   ["figures of the motor", candidate.motor.origin],
   ...(candidate.gear.direct ? [] : [["figures of the gear", candidate.gear.origin]]),
+  ["to choose it", `bellcrank select … --keep ${quoted(`${candidate.axis.name}=${[candidate.motor.id, ...(candidate.gear.direct ? [] : [candidate.gear.id])].join("+")}`)}`],
 ];
 
 /** The whole view of a pair; `open` shows the sentence of every criterion, as print needs it. */
