@@ -12,6 +12,10 @@ from bellcrank.terminal import interruption
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+# BLAS would divide small products among threads, whose waiting costs more than it gains; what is large has threads of
+# its own. To be set before NumPy is imported.
+_BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code.
@@ -25,6 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is not None:
         return _run(list(arguments))
     status = 130
+    for name in _BLAS_THREADS:
+        os.environ.setdefault(name, "1")
     with interruption.handled():  # before anything else is imported, which takes time
         try:
             status = _run_on_streams(sys.argv[1:])

@@ -262,3 +262,14 @@ def test_numbers_of_a_text_table_stand_to_the_right() -> None:
         "x    1",
         "yy   -",
     ]
+
+
+def test_the_id_of_a_product_shows_it_and_a_slip_in_an_action_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["catalogue", "apex_af042_50", "--no-plots"]) == 0
+    shown = capsys.readouterr().out
+    assert main(["catalogue", "show", "apex_af042_50", "--no-plots"]) == 0
+    assert capsys.readouterr().out == shown
+    assert main(["catalogue", "shwo"]) == 2
+    assert "unknown action 'shwo'; did you mean 'show'?" in capsys.readouterr().err
+    assert main(["catalogue", "apex_af042_5"]) == 2
+    assert "unknown product 'apex_af042_5'; did you mean 'apex_af042_50'?" in capsys.readouterr().err

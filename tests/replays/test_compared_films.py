@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.replays.film.camera import ASPECT, HALF_VIEW
 from bellcrank.replays.film.compared_films import compared_films
 from bellcrank.replays.film.film import check_film
 from bellcrank.replays.replay import film_of
@@ -81,9 +82,12 @@ def test_the_camera_sees_both(films):
     both = compared_films(one, far)
     position, target = np.array(both.camera.position), np.array(both.camera.target)
     axis = (target - position) / np.linalg.norm(target - position)
-    for point in both.poses[..., :3].reshape(-1, 3):
-        angle = np.degrees(np.arccos((point - position) @ axis / np.linalg.norm(point - position)))
-        assert angle < 20.0
+    right = np.cross(axis, both.camera.up)
+    right /= np.linalg.norm(right)
+    seen = both.poses[..., :3].reshape(-1, 3) - position
+    depth = seen @ axis
+    assert (np.abs(seen @ np.cross(right, axis)) < HALF_VIEW * depth).all()
+    assert (np.abs(seen @ right) < HALF_VIEW * ASPECT * depth).all()
 
 
 def test_a_page_of_two_runs_is_written_by_python_and_by_the_command(tmp_path, capsys):
@@ -96,7 +100,7 @@ def test_a_page_of_two_runs_is_written_by_python_and_by_the_command(tmp_path, ca
     assert "<title>Both</title>" in page.read_text(encoding="utf-8")
     out = tmp_path / "command.html"
     assert main(["replay", str(tmp_path / "a.npz"), str(tmp_path / "b.npz"), "--out", str(out)]) == 0
-    assert "two over each other</title>" in out.read_text(encoding="utf-8")
+    assert "<title>a and b</title>" in out.read_text(encoding="utf-8")
     assert capsys.readouterr().out.count("the whole duration was simulated") == 2
     with pytest.raises(bc.InputError, match="over"):
         bc.replay(one, tmp_path / "x.html", over=3)

@@ -381,11 +381,12 @@ def test_the_marks_of_the_plane_are_at_their_values(page):
 
 
 @pytest.mark.tier2
-def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_sentence(page):
+def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_load_and_the_limit(page):
     page.tab.locator(".candidates tbody tr", has_text="direct drive").locator("td").nth(3).click()
     bars = page.tab.locator("#pair .uses li")
     over = bars.first
     assert over.get_attribute("class") == "exceeded" and "▲ over" in over.inner_text() and "1420 %" in over.inner_text()
+    assert "bellcrank select … --keep shoulder=" in page.tab.locator("#pair .figures").inner_text()
     page.tab.locator(".candidates tbody tr", has_text="Unstated").locator("td").nth(3).click()
     widths = page.do(
         """[...document.querySelectorAll("#pair .uses li")].map((li) => {
@@ -395,11 +396,11 @@ def test_bars_have_the_length_of_the_utilisation_and_a_press_tells_the_sentence(
     )
     assert widths[0][:2] == ["inside", "48 %"] and widths[0][2] == pytest.approx(0.48 * 0.8, abs=0.01)
     assert [each[1] for each in widths[2:]] == ["unknown (40 %)"] * 4 + ["note"]
-    sentence = bars.first.locator(".sentence")
-    assert not sentence.is_visible()
-    bars.first.locator("button").press("Enter")
-    assert sentence.inner_text() == "voltage limit: 0.48 of 1"
-    assert bars.first.locator("button").get_attribute("aria-expanded") == "true"
+    assert bars.first.locator(".sentence").inner_text() == "voltage limit: 0.48 of 1"  # the one that binds
+    button, sentence = bars.nth(1).locator("button"), bars.nth(1).locator(".sentence")
+    assert button.get_attribute("aria-expanded") == "false" and not sentence.is_visible()
+    button.press("Enter")
+    assert button.get_attribute("aria-expanded") == "true" and sentence.is_visible()
     unknown = page.do("getComputedStyle(document.querySelector('#pair .unknown .fill')).backgroundImage")
     assert "repeating-linear-gradient" in unknown
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from bellcrank.commands.output_files import output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
-from bellcrank.messages import format_value
+from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
@@ -38,8 +39,9 @@ MEANING = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to do, with which products, and where to write."""
     parser.add_argument(
-        "action", nargs="?", default="list", choices=ACTIONS, metavar="ACTION",
-        help="list (default), show a product with its torque-speed curve, or check catalogue files for contradictions",
+        "action", nargs="?", default="list", metavar="ACTION",
+        help="list (default), show a product with its torque-speed curve, or check catalogue files for contradictions; "
+        "the id of a product shows it",
     )  # fmt: skip
     parser.add_argument(
         "names", nargs="*", metavar="ID|FILE",
@@ -74,6 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     """List, show or check. Exit code 0; 1: a checked product contradicts itself. Raises BellcrankError for invalid
     input.
     """
+    if arguments.action not in ACTIONS:
+        if difflib.get_close_matches(arguments.action, ACTIONS):
+            raise InputError(unknown_name("action", arguments.action, ACTIONS))
+        arguments.action, arguments.names = "show", [arguments.action, *arguments.names]
     _refuse_unused(arguments)
     if arguments.action == "check":
         return _check(arguments)

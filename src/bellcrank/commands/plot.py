@@ -1,4 +1,4 @@
-"""`bellcrank plot`: pictures of a run, a scene or a sizing."""
+"""`bellcrank plot`: pictures of a run, a scene, a sizing or a selection."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from bellcrank.files.atomic_write import check_file, default_place
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.selection import Selection
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,13 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draw. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.selection import Selection
 
     out = arguments.out or default_place(f"{stem(arguments.run)}.png")
     check_file("--out", out)
     result = compute_or_load(arguments)
-    if isinstance(result, Sizing) and arguments.frame:
-        raise InputError("--frame is for a run, and this is a sizing; leave it out, or add --simulate")
-    files = _sizing_files(result, out) if isinstance(result, Sizing) else _run_files(result, out, arguments.frame)
+    if isinstance(result, (Sizing, Selection)):
+        if arguments.frame:
+            kind = "sizing" if isinstance(result, Sizing) else "selection"
+            raise InputError(f"--frame is for a run, and this is a {kind}; leave it out, or add --simulate")
+        files = _figure_files(result, out)
+    else:
+        files = _run_files(result, out, arguments.frame)
     success, verdict = verdict_of(result)
     print(f"{verdict}\nwrote {', '.join(map(str, files))}")
     return 0 if success else 1
@@ -64,14 +70,17 @@ def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
     return files
 
 
-def _sizing_files(sizing: Sizing, out: Path) -> list[Path]:
-    """A picture for each motion and the torque-speed plots, named after `out`."""
+def _figure_files(result: Sizing | Selection, out: Path) -> list[Path]:
+    """All pictures of a sizing or selection, named after `out`."""
     from bellcrank.files.atomic_write import writing
     from bellcrank.plot_style import DPI, save_figure
     from bellcrank.sizing.plots import sizing_figures
+    from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.plots import selection_figures
 
     files = []
-    for name, figure in sizing_figures(sizing).items():
+    figures = sizing_figures(result) if isinstance(result, Sizing) else selection_figures(result)
+    for name, figure in figures.items():
         files.append(out.with_name(f"{out.stem}_{name}"))
         with writing(files[-1]) as temporary:
             save_figure(figure, temporary, "png", dpi=DPI)

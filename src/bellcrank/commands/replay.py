@@ -1,15 +1,16 @@
-"""`bellcrank replay`: the replay of a run, a scene or a sizing as one HTML page, as a still or as a film."""
+"""`bellcrank replay`: the replay of a run, scene, sizing or selection as one HTML page, as a still or as a film."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.commands.options import number_option, size_option
 from bellcrank.commands.output_files import output_path
-from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
+from bellcrank.commands.result_argument import add_other, add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
 from bellcrank.files.temporaries import temporary_folder
@@ -24,10 +25,7 @@ PICTURES = ("png", "gif", "mp4")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to show, and where to write."""
     add_result_argument(parser)
-    parser.add_argument(
-        "other", nargs="?", metavar="OTHER",
-        help="another one, which is shown over the first: tinted and translucent, its lines in the same charts",
-    )  # fmt: skip
+    add_other(parser)
     parser.add_argument(
         "--out", type=output_path, metavar="FILE", help="the page (default: RUN.html in the current folder)"
     )
@@ -51,8 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the replay. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
-    from bellcrank.replays.page.page import write_page
+    from bellcrank.replays.page.page import NOTHING, write_page
     from bellcrank.replays.replay import film_of, film_over, open_browser
+    from bellcrank.reports.report import compared_surroundings
 
     pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
     for kind, path in pictures.items():
@@ -70,14 +69,19 @@ def run(arguments: argparse.Namespace) -> int:
     result = compute_or_load(arguments)
     detail: Detail = "full" if arguments.full_meshes else "reduced"
     film = film_of(result, trace=arguments.trace, detail=detail)
-    verdicts = [verdict_of(result)]
+    verdicts, around, first = [verdict_of(result)], NOTHING, arguments.run
     if arguments.other is not None:
         arguments.run = arguments.other
         other = compute_or_load(arguments)
         verdicts.append(verdict_of(other))
-        film = film_over(film, film_of(other, trace=arguments.trace, detail=detail))
+        second = film_of(other, trace=arguments.trace, detail=detail)
+        if film.title == second.title and stem(first) != stem(arguments.other):
+            film, second = replace(film, title=stem(first)), replace(second, title=stem(arguments.other))
+        around = compared_surroundings((result, film), (other, second))
+        film = film_over(film, second)
     with temporary_folder("replay") as folder:
-        page = write_page(film, out if wanted else folder / "replay.html", plots=wanted and not arguments.no_plots)
+        target = out if wanted else folder / "replay.html"
+        page = write_page(film, target, plots=wanted and not arguments.no_plots, around=around if wanted else NOTHING)
         files = [draw(kind, page, path) for kind, path in pictures.items()]
     print("\n".join(verdict for _, verdict in verdicts))
     for name, text in (*film.facts, *(("note", note) for note in film.notes)):

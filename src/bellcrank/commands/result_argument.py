@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.selection import Selection
 
 _SCENE_KEYS = (  # keys of a file that is a scene to simulate
     "constraints", "forces", "joints", "joint_stops", "control", "initial", "base",
@@ -26,7 +27,7 @@ def add_result_argument(parser: argparse.ArgumentParser) -> None:
         "run",
         metavar="RUN",
         help="a saved run (run.npz or its folder), a scene, which is simulated first, or a robot configuration with "
-        "motions, which is sized first",
+        "motions, which is sized first (--select: whose motors are chosen first)",
     )
     parser.add_argument(
         "--motion",
@@ -40,6 +41,16 @@ def add_result_argument(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--simulate", action="store_true", help="simulate RUN, even if it has motions and could be sized")
     what.add_argument("--size", action="store_true", help="size RUN, even if it could be simulated")
+    what.add_argument("--select", action="store_true", help="choose the motors and gears of RUN from the catalogue")
+
+
+def add_other(parser: argparse.ArgumentParser) -> None:
+    """OTHER, which is compared with RUN."""
+    parser.add_argument(
+        "other", nargs="?", metavar="OTHER",
+        help="another one, which is shown over the first: tinted and translucent, its lines in the same charts; "
+        "tables of both say what differs",
+    )  # fmt: skip
 
 
 def stem(name: str) -> str:
@@ -51,21 +62,23 @@ def stem(name: str) -> str:
     return given.resolve().parent.name if given.name == "run.npz" else given.stem
 
 
-def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing:
-    """The run or sizing that the arguments mean. Raises BellcrankError."""
+def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing | Selection:
+    """The run, sizing or selection that the arguments mean. Raises BellcrankError."""
     from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
     from bellcrank.scene.robot_config import find_config, load_robot_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.load_run import load_run
 
-    name, simulated, sized = arguments.run, arguments.simulate, arguments.size or bool(arguments.motion)
+    name, simulated = arguments.run, arguments.simulate
+    sized = arguments.size or bool(arguments.motion and not arguments.select)
     path = Path(name)
     if arguments.motion and simulated:
         raise InputError("--motion is for sizing and --simulate is given; leave one of them out")
     if path.is_dir() or path.suffix.lower() == ".npz":
         options = {
-            "simulate": simulated, "motion": arguments.motion, "size": sized, "allow-massless": arguments.allow_massless
+            "simulate": simulated, "motion": arguments.motion, "size": sized, "select": arguments.select,
+            "allow-massless": arguments.allow_massless
         }  # fmt: skip
         for option, given in options.items():
             if given:
@@ -76,6 +89,8 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing:
             f"{name}: results in JSON hold no motion; expected a saved run (.npz, or its folder), a scene, a robot "
             "configuration (.yaml) or a robot file; name the one that was simulated, sized or selected for"
         )
+    if arguments.select:
+        return _selected(name, arguments)
     source, urdf = find_config(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("actuators" in data or data.keys().isdisjoint(_SCENE_KEYS))):
@@ -91,6 +106,15 @@ def _sized(config: RobotConfig, motions: list[str], allow_massless: list[str]) -
     return size(config, motions or None, allow_massless=allow_massless)
 
 
+def _selected(name: str, arguments: argparse.Namespace) -> Selection:
+    """The selection from the bundled catalogue under the conditions of the configuration."""
+    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.sizing.selection.select import select
+
+    config = load_robot_config(name, trust=arguments.trust)
+    return select(config, arguments.motion or None, allow_massless=arguments.allow_massless)
+
+
 def _simulated(scene: Scene) -> Trajectory:
     from bellcrank.commands.simulate import simulation_progress
     from bellcrank.simulation.simulate import simulate
@@ -101,20 +125,27 @@ def _simulated(scene: Scene) -> Trajectory:
     return run
 
 
-def verdict_of(result: Trajectory | Sizing) -> tuple[bool, str]:
-    """Whether a run finished and is known, or a sizing keeps all limits; and the sentence that says so."""
+def verdict_of(result: Trajectory | Sizing | Selection) -> tuple[bool, str]:
+    """Whether a run finished and is known, or a sizing or a selection keeps all limits; and what says so."""
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection import tables
+    from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.tables import verdict
 
+    if isinstance(result, Selection):
+        return result.verified, tables.verdict(result)
     if isinstance(result, Sizing):
         return result.inside, verdict(result)
     return result.success and not result.non_finite and not result.not_known, result.message
 
 
-def remarks_of(result: Trajectory | Sizing) -> list[tuple[str, str]]:
-    """What is said about a run or a sizing: ("error", "warning", "not known" or "note", text)."""
+def remarks_of(result: Trajectory | Sizing | Selection) -> list[tuple[str, str]]:
+    """What is said about a run, a sizing or a selection: ("error", "warning", "not known" or "note", text)."""
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.selection.selection import Selection
 
+    if isinstance(result, Selection):
+        return [("note", text) for text in result.warnings]
     if isinstance(result, Sizing):
         masses = () if result.inputs is None else result.inputs.mechanism.robot.inertia_warnings
         kinds = dict.fromkeys(result.urdf_errors, "error") | dict.fromkeys(masses, "warning")

@@ -162,6 +162,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Select motors and gears. Exit code 0: every axis has a pair that passes; 1: an axis has none, a main criterion of
     a chosen pair is unknown, or a limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
     """
+    from bellcrank.files.json_files import list_files
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
@@ -213,7 +214,7 @@ def run(arguments: argparse.Namespace) -> int:
             from bellcrank.reports.report import report
 
             files.append(report(selection, page))
-        write_results(selection, folder, [path for path in files[len(RESULTS) :] if path.parent == folder])
+        list_files(files[1], RESULTS, [path.name for path in files if path.parent == folder])
     remove_stale(folder, earlier, files)
     if selection.verification is not None:
         print(f"\n{selection.verification}")

@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     or a motor cannot be sized. Raises BellcrankError for invalid input.
     """
     from bellcrank.commands.result_argument import remarks_of
+    from bellcrank.files.json_files import list_files
     from bellcrank.sizing.size import size
     from bellcrank.sizing.sizing_files import (
         FILES,
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
             from bellcrank.reports.report import report
 
             files.append(report(sizing, page))
-        write_results(sizing, folder, [path for path in files[len(RESULTS) :] if path.parent == folder])
+        list_files(files[1], RESULTS, [path.name for path in files if path.parent == folder])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\n{written(files, folder)}")
     accepted = arguments.accept_unknown or not sizing.not_verified

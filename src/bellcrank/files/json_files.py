@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bellcrank.files.atomic_write import write_text
+from bellcrank.files.atomic_write import write_text, writing
 
 
 def write_json(path: Path, content: Any, *, indent: int = 1, ascii_only: bool = False) -> Path:
     """Write data as JSON in one step and return the path. Raises InputError where the file cannot be written."""
     write_text(path, json_text(content, indent=indent, ascii_only=ascii_only))
     return path
+
+
+def list_files(path: Path, listed: Sequence[str], names: Sequence[str]) -> None:
+    """Replace the list of files under the key "files" of a JSON file that `write_json` wrote, with one step of indent.
+
+    The rest is not made again. Raises InputError where the file cannot be written.
+    """
+    before, after = (json_text({"files": list(each)})[1:-3].encode() for each in (listed, names))
+    with writing(path) as temporary:
+        temporary.write_bytes(path.read_bytes().replace(before, after, 1))
 
 
 def json_text(content: Any, *, indent: int = 1, ascii_only: bool = False) -> str:

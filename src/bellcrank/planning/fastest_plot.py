@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.planning.result_files import write_figure
-from bellcrank.plot_style import colour, dash, literal, new_figure
+from bellcrank.plot_style import colour, dash, literal, new_figure, place
 
 if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     """Write the picture as PNG. Raises InputError where the file cannot be written."""
-    figure = new_figure(9.0, 7.0)
+    figure = new_figure(9.0, 7.0, free=True)
     phase, times = figure.subplots(2, 1, height_ratios=(3, 2))
     s, speed = result.s, result.speed
     phase.plot(s, np.minimum(result.largest_speed, 1.6 * speed.max()), color="0.6", lw=1.0,
@@ -35,7 +35,8 @@ def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     phase.set_ylim(0.0, 1.1 * float(speed.max()))
     phase.set_xlabel("path parameter s")
     phase.set_ylabel("path speed ds/dt [1/s]")
-    phase.set_title(literal(f"{result.robot} along {result.path}: {result.duration:.4g} s"))
+    title = literal(f"{result.robot} along {result.path}: {result.duration:.4g} s", 90)
+    phase.set_title(title)
     phase.legend(loc="lower center", fontsize=8)
     phase.grid(True, alpha=0.3)
     for number, cost in enumerate(result.costs):
@@ -44,6 +45,8 @@ def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     times.set_yticks(range(len(listed)), [literal(name) for name in listed], fontsize=8)
     times.set_xlabel("active during [% of the time]")
     times.grid(True, axis="x", alpha=0.3)
+    longest = max(map(len, listed), default=0)
+    place(figure, left=max(0.95, 0.2 + 0.07 * longest), top=0.3 + 0.2 * title.count("\n"), between=0.6)
     return write_figure(figure, path)
 
 

@@ -15,12 +15,16 @@ class Facts:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under a header. The first column names the row; the second line of a header is a unit."""
+    """Rows of cells under a header. The first column names the row; the second line of a header is a unit.
+
+    Of a table that compares two results, `marked` are the (row, column) of the cells that differ.
+    """
 
     title: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    marked: frozenset[tuple[int, int]] | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
 
 from bellcrank.reports.document import Document, Facts, Picture, Table
@@ -43,19 +43,37 @@ def part_html(part: Facts | Table | Picture) -> str:
     words = [all(_is_word(row[k]) for row in part.rows) for k in range(len(part.header))]
     head = _row(part.header, words, ("th",) * len(words))
     names = ("", *(" ".join(name.split()) for name in part.header[1:]))
-    body = "".join(_row(row, words, ("th", *("td",) * (len(words) - 1)), names) for row in part.rows)
+    tags = ("th", *("td",) * (len(words) - 1))
+    body = "".join(
+        _row(row, words, tags, names, {column for line, column in part.marked or () if line == k})
+        for k, row in enumerate(part.rows)
+    )
     note = f"<p>{escape(part.note)}</p>" if part.note else ""
     table = f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
-    return f'<section><h2>{title}</h2><div class="wide">{table}</div>{note}</section>'
+    kind = "wide" if part.marked is None else "wide both"
+    return f'<section><h2>{title}</h2><div class="{kind}">{table}</div>{note}</section>'
 
 
-def _row(cells: Sequence[str], words: Iterable[bool], tags: Iterable[str], names: Sequence[str] = ()) -> str:
+def _row(
+    cells: Sequence[str], words: Iterable[bool], tags: Iterable[str], names: Sequence[str] = (),
+    marked: Collection[int] = (),
+) -> str:  # fmt: skip
     """A row; on a narrow screen its cells stand below each other, each with the name of its column (report.css)."""
     row = "".join(
-        f"<{tag}{' class=text' if word else ''}{_named(name)}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
-        for cell, word, tag, name in zip(cells, words, tags, names or ("",) * len(cells), strict=True)
+        f"<{tag}{_class(word, k in marked)}{_named(name)}>{_content(cell, k in marked)}</{tag}>"
+        for k, (cell, word, tag, name) in enumerate(zip(cells, words, tags, names or ("",) * len(cells), strict=True))
     )
     return f"<tr>{row}</tr>"
+
+
+def _class(word: bool, marked: bool) -> str:
+    names = " ".join(name for name, wanted in (("text", word), ("differs", marked)) if wanted)
+    return f' class="{names}"' if names else ""
+
+
+def _content(cell: str, marked: bool) -> str:
+    text = escape(cell).replace("\n", "<br>")
+    return f"<mark>{text}</mark>" if marked else text  # read aloud and printed as such, too
 
 
 def _named(name: str) -> str:

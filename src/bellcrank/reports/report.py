@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
-from bellcrank.replays.replay import film_of, find_run, load_source, source_name
+from bellcrank.replays.replay import film_of, film_over, find_run, load_source, source_name
 from bellcrank.reports.document_html import document_html
 from bellcrank.reports.study_data import View
 from bellcrank.sizing.result import Sizing
@@ -32,6 +33,7 @@ def report(
     source: Trajectory | Sizing | Selection | Sweep | str | Path,
     path: str | Path | None = None,
     *,
+    over: Trajectory | Sizing | Selection | str | Path | None = None,
     measures: Iterable[str] | None = None,
     limits: Iterable[str] = (),
     trace: Iterable[str] = (),
@@ -48,6 +50,8 @@ def report(
         source: A run, a sizing, a selection, a sweep, or the path of a run: its file, or the folder that `bellcrank
             simulate` writes.
         path: The file to write. Default: the source's name and "_report.html", in the working folder.
+        over: Another run, sizing or selection, which is compared: its motion over the first, as `replay` shows it, and
+            the tables of both in one, in which what differs is marked.
         measures: Of a sweep, the measures that are shown. Default: those that its table shows.
         limits: Of a sweep whose designs are a sample, limits such as "lock.time > 13 s", whose probability is given.
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
@@ -70,6 +74,8 @@ def report(
     """
     given: object = source
     if isinstance(source, Sweep):
+        if over is not None:
+            raise InputError("argument 'over': a sweep has no motion to show another one over; give a run of each")
         return _report_sweep(source, path, measures, limits, title, (trace, detail, trust))
     if measures is not None or arguments.several("limits", limits, str, "limits", alone=True):
         raise InputError("arguments 'measures' and 'limits': they are for a sweep, and 'source' is none")
@@ -81,14 +87,19 @@ def report(
     else:
         for_files_only(trust, "source", "load_run")
     result = load_source(given, "report")
-    if isinstance(result, FastestMotion):
+    other = None if over is None else load_source(over, "report", trust, "over")
+    if isinstance(result, FastestMotion) or isinstance(other, FastestMotion):
         raise InputError("a fastest motion has no report: bc.replay shows it, and bc.size makes a sizing of its motion")
-    if title is None or (isinstance(title, str) and not title):
-        title = _title(result)
+    name = _title(result)
+    title = title or None
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
-    film = film_of(result, trace=trace, detail=detail, title=title)
+    film = film_of(result, trace=trace, detail=detail, title=name if title is None else title)
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
+    if other is not None:
+        second = film_of(other, trace=trace, detail=detail, title=_title(other))
+        around = compared_surroundings((result, film), (other, second))
+        return write_page(film_over(film, second, title), target, around=around)
     if isinstance(result, Selection):
         from bellcrank.reports.selection_report import selection_surroundings
 
@@ -96,6 +107,22 @@ def report(
     document = _document(result, film)
     before, after = document_html(document)
     return write_page(film, target, around=Surroundings(before=before, after=after))
+
+
+def compared_surroundings(
+    first: tuple[Trajectory | Motion | Sizing | Selection, Film],
+    second: tuple[Trajectory | Motion | Sizing | Selection, Film],
+) -> Surroundings:
+    """What stands around two results over each other: what is said of each, and the tables of both in one.
+
+    Each is given with its film. Raises InputError for a motion, which has no tables.
+    """
+    from bellcrank.replays.film.compared_films import names_of
+    from bellcrank.reports.compared_documents import compared_documents
+
+    documents = (_document(*first, pictures=False), _document(*second, pictures=False))
+    before, after = document_html(compared_documents(*documents, names_of(first[1], second[1])))
+    return Surroundings(before=before, after=after)
 
 
 def _report_sweep(
@@ -129,11 +156,15 @@ def _title(result: Trajectory | Motion | Sizing | Selection) -> str:
     return result.robot if isinstance(result, (Sizing, Selection)) else result.scene.name
 
 
-def _document(result: Trajectory | Motion | Sizing, film: Film) -> Document:
+def _document(result: Trajectory | Motion | Sizing | Selection, film: Film, pictures: bool = True) -> Document:
     from bellcrank.reports.run_report import run_document
+    from bellcrank.reports.selection_report import choice_table, selection_document
     from bellcrank.reports.sizing_report import sizing_document
 
+    if isinstance(result, Selection):
+        document = selection_document(result, film)
+        return replace(document, parts=(choice_table(result), *document.parts))
     if isinstance(result, Sizing):
-        return sizing_document(result, film)
+        return sizing_document(result, film, pictures)
     assert not isinstance(result, Motion)
-    return run_document(result)
+    return run_document(result, pictures)

@@ -30,7 +30,7 @@ FORCES = 24  # multipliers listed
 NOTES = 8  # notes listed
 
 
-def run_document(run: Trajectory) -> Document:
+def run_document(run: Trajectory, pictures: bool = True) -> Document:
     """The report of a run, in SI units; long lists are shortened."""
     against, leaving = (*_non_finite(run), *run.warnings), left_ranges(run)
     hidden = {*leaving[NOTES:]}
@@ -47,7 +47,7 @@ def run_document(run: Trajectory) -> Document:
         parts.append(actuator_table(run.scene.config.actuators))
     made = made_with()
     parts.append(Facts("Made with", (("scene", run.scene.source.name), *made)))
-    pages = run_pages(run)
+    pages = run_pages(run) if pictures else []
     for k, figure in enumerate(pages):
         title = "Everything over time" + (f", {k + 1} of {len(pages)}" if len(pages) > 1 else "")
         parts.append(Picture(title, svg_of(figure)))

@@ -39,6 +39,7 @@ from bellcrank.text import readable
 Array = NDArray[np.float64]
 MOST_TEMPERATURES = 80  # of a cycle
 DIGITS = 5
+OF_USES = 12  # of what the page rounds again: 0.704497 is 70.4 %, and not by 0.7045 70.5 %
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -66,7 +67,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
 
     def criterion(result: CriterionResult) -> list[int | float | None]:
         use = result.estimate if result.use is None else result.use
-        return [names(result.name), number(use), VERDICTS.index(result.verdict), texts(readable(result.text))]
+        return [names(result.name), number(use, OF_USES), VERDICTS.index(result.verdict), texts(readable(result.text))]
 
     def candidate(one: Candidate, detail: PairDetail, conditions: Conditions) -> dict[str, Any]:
         return {
@@ -78,7 +79,7 @@ def selection_data(selection: Selection) -> dict[str, Any]:
             "mass": number(one.mass),
             "cost": number(one.cost),
             "loss": number(one.loss),
-            "use": number(one.largest_use),
+            "use": number(one.largest_use, OF_USES),
             "fit": one.fit,
             **_pair(detail),
         }
@@ -149,9 +150,9 @@ def origin(product: Motor | Gear) -> str:
     return readable(f"{text} (compared {product.checked})" if product.checked else text)
 
 
-def number(value: float | None) -> float | None:
-    """A number with DIGITS digits; None where it is unknown or not finite."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.{DIGITS}g}")
+def number(value: float | None, digits: int = DIGITS) -> float | None:
+    """A number with so many digits; None where it is unknown or not finite."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.{digits}g}")
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:

@@ -23,7 +23,7 @@ from bellcrank.sizing.tables import STRUCTURE, force_rows, joint_rows, shaft_row
 from bellcrank.sizing.text_tables import TableContent
 
 
-def sizing_document(sizing: Sizing, film: Film) -> Document:
+def sizing_document(sizing: Sizing, film: Film, pictures: bool = True) -> Document:
     """The report of a sizing, with the film of its motions."""
     parts: list[Facts | Table | Picture] = [_table("At the joints", joint_rows(sizing))]
     if sizing.shafts:
@@ -44,7 +44,7 @@ def sizing_document(sizing: Sizing, film: Film) -> Document:
         )
     )
     made = made_with()
-    parts += [*_inputs(sizing), Facts("Made with", made), *_pictures(sizing)]
+    parts += [*_inputs(sizing), Facts("Made with", made), *(_pictures(sizing) if pictures else ())]
     lines = tuple(line.removeprefix("  - ") for line in verdict(sizing).split("\n"))
     count = f"{len(sizing.motions)} motion{'' if len(sizing.motions) == 1 else 's'}"
     return Document(

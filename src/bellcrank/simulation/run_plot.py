@@ -15,7 +15,19 @@ from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DASHES, DPI, PALETTE, colour, dash, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import (
+    DASHES,
+    DPI,
+    PALETTE,
+    colour,
+    dash,
+    heading,
+    literal,
+    new_figure,
+    place,
+    plain,
+    save_figure,
+)
 from bellcrank.simulation.plot_panels import Panel, extremes, run_panels, shown_unit
 
 if TYPE_CHECKING:
@@ -83,7 +95,7 @@ def run_pages(run: Trajectory, most: int = 6) -> list[Figure]:
 
 
 def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
-    figure = new_figure(10.0, 1.0 + 2.05 * len(panels))
+    figure = new_figure(10.0, 1.0 + 2.05 * len(panels), free=True)
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
         _draw(axis, panel.time, panel)
@@ -96,7 +108,9 @@ def _over_time(run: Trajectory, panels: Sequence[Panel]) -> Figure:
     if run.time[-1] > run.time[0]:
         axes[-1].set_xlim(run.time[0], run.time[-1])
     remark = ", not all results are finite" if run.non_finite else ""
-    figure.suptitle(literal(f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s{remark}", 90))
+    top = heading(figure, f"{run.scene.name}: {run.status} at {run.time[-1]:.6g} s{remark}")
+    longest = max(len(label) for axis in axes for label in axis.get_legend_handles_labels()[1])
+    place(figure, right=0.55 + 0.075 * longest, top=top + 0.3)
     return figure
 
 

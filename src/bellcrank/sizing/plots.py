@@ -14,9 +14,11 @@ from bellcrank.plot_style import (
     DPI,
     colour,
     dash,
-    legend_columns,
+    heading,
+    legend_below,
     literal,
     new_figure,
+    place,
     plain,
     save_figure,
     write_figures,
@@ -107,7 +109,7 @@ def _over_time_figure(sizing: Sizing, motion: DrawnMotion) -> Figure:
     time, q, v, a = motion.states
     kinds = [kind for kind in OVER_TIME if any(joint.kind == kind for joint in joints)]
     rows = [(row, kind) for row in range(4) for kind in kinds]
-    figure = new_figure(9.5, 2.5 * len(rows) + 0.5)
+    figure = new_figure(9.5, 2.5 * len(rows) + 0.5, free=True)
     axes: list[Axes] = list(figure.subplots(len(rows), 1, squeeze=False)[:, 0])
     for axis, (row, kind) in zip(axes, rows, strict=True):
         for k, joint in enumerate(joints):
@@ -119,14 +121,7 @@ def _over_time_figure(sizing: Sizing, motion: DrawnMotion) -> Figure:
         plain(axis)
     axes[-1].set_xlabel("time [s]")
     note = " (nominal masses)" if sizing.mass_tolerance else ""
-    figure.suptitle(literal(f"{sizing.robot}: {motion.name}{note}", 90))
     entries = [axis.get_legend_handles_labels() for axis in axes[: len(kinds)]]
-    figure.legend(
-        [handle for handles, _ in entries for handle in handles],
-        [label for _, labels in entries for label in labels],
-        loc="outside lower center",
-        ncols=legend_columns([joint.name for joint in joints], figure),
-        frameon=False,
-        fontsize="small",
-    )
+    below = legend_below(figure, {label: handle for pair in entries for handle, label in zip(*pair, strict=True)})
+    place(figure, top=heading(figure, f"{sizing.robot}: {motion.name}{note}"), bottom=below + 0.45)
     return figure

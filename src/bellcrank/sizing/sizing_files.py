@@ -46,15 +46,13 @@ _OURS = re.compile(
 )
 
 
-def write_results(sizing: Sizing, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+def write_results(sizing: Sizing, folder: str | Path) -> list[Path]:
     """Write sizing.csv and sizing.json into a folder, each as a whole or not at all, and return their paths.
 
-    `others` are files of the same sizing in the folder; sizing.json lists them beside these two under "files". Raises
-    InputError where a file cannot be written.
+    Raises InputError where a file cannot be written.
     """
     folder = Path(folder)
-    names = [*RESULTS, *(path.name for path in others)]
-    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing, names)}
+    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing)}
     for path, text in files.items():
         atomic_write.write_text(path, text)
     return list(files)
@@ -140,7 +138,10 @@ def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[P
 
 
 def json_text(sizing: Sizing, files: Iterable[str] = RESULTS) -> str:
-    """The text of sizing.json: the whole sizing, with null for an infinite margin (against a limit of 0)."""
+    """The text of sizing.json: the whole sizing, with null for an infinite margin (against a limit of 0).
+
+    "files" lists `files`; `json_files.list_files` adds those that are written later.
+    """
     document = {
         "robot": sizing.robot,
         "motions": list(sizing.motions),

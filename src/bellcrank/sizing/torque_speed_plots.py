@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.plot_style import colour, legend_columns, literal, new_figure, plain
+from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain
 from bellcrank.sizing.plot_samples import DrawnMotion
 from bellcrank.sizing.result import sizing_inputs
 
@@ -129,7 +129,7 @@ def _bound(sizing: Sizing) -> str:
 def _panels(count: int) -> tuple[Figure, list[Axes]]:
     columns = min(count, 3 if count > 4 else 2)
     rows = math.ceil(count / columns)
-    figure = new_figure(max(LEAST_WIDTH, 4.6 * columns), 3.7 * rows + 0.9)
+    figure = new_figure(max(LEAST_WIDTH, 4.6 * columns), 3.7 * rows + 0.9, free=True)
     return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
 
 
@@ -149,15 +149,7 @@ def _finish(figure: Figure, axes: list[Axes], count: int, title: str) -> Figure:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     entries["start"] = Line2D([], [], color="0.35", marker="o", markersize=3.5, linestyle="none")
-    figure.suptitle(literal(title, 90))
-    figure.legend(
-        list(entries.values()),
-        list(entries),
-        loc="outside lower center",
-        ncols=legend_columns(list(entries), figure),
-        frameon=False,
-        fontsize="small",
-    )
+    place(figure, top=heading(figure, title) + 0.25, bottom=legend_below(figure, entries) + 0.45, between=0.75)
     return figure
 
 

@@ -30,7 +30,7 @@ class _Request:
     def __init__(self) -> None:
         self.number: int | None = None  # of the signal that asked first
         self.time = 0.0
-        self.pending = self.held = self.whole = False
+        self.pending = self.held = self.whole = self.handled = False
 
 
 _request = _Request()
@@ -42,6 +42,7 @@ def handled() -> Iterator[None]:
     are ignored, because the program only has to exit.
     """
     vars(_request).update(vars(_Request()))
+    _request.handled = True
     before = sys.unraisablehook
     mine = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     for number in (*mine, signal.SIGALRM):
@@ -62,6 +63,12 @@ def handled() -> Iterator[None]:
         for number in (*mine, signal.SIGALRM):
             signal.signal(number, signal.SIG_IGN)
         sys.unraisablehook = before
+        _request.handled = False
+
+
+def in_command() -> bool:
+    """Whether this process is the command line, and not a program that imports bellcrank."""
+    return _request.handled
 
 
 def exit_status() -> int | None:

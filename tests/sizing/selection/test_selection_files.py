@@ -17,6 +17,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.errors import InputError
+from bellcrank.files.json_files import list_files
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.simulation.simulate import simulate
@@ -25,6 +26,7 @@ from bellcrank.sizing.selection.select import select
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.selection.selection_files import (
     FILES,
+    RESULTS,
     csv_text,
     earlier_files,
     json_text,
@@ -181,8 +183,11 @@ def test_the_load_points_drawn_are_those_of_the_criteria(arm: Selection) -> None
 
 
 def test_files_of_an_earlier_selection_are_known_and_nothing_else(arm: Selection, tmp_path: Path) -> None:
-    files = write_results(arm, tmp_path, [tmp_path / "motors.png", tmp_path / "pareto.png"])
+    files = write_results(arm, tmp_path)
     assert [path.name for path in files] == ["selection.csv", "selection.json"]
+    whole = json.loads(files[1].read_text())
+    list_files(files[1], RESULTS, [*RESULTS, "motors.png", "pareto.png"])
+    assert json.loads(files[1].read_text()) == whole | {"files": [*RESULTS, "motors.png", "pareto.png"]}
     assert earlier_files(tmp_path) == ["selection.csv", "motors.png", "pareto.png"]
     document = json.loads((tmp_path / "selection.json").read_text())
     (tmp_path / "selection.json").write_text(json.dumps(document | {"files": ["../x", "own.png", "motors.png", 3]}))

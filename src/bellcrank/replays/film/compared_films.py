@@ -12,21 +12,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.replays.film.camera import HALF_VIEW
+from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, Line
 from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import Body, bounding_boxes, triple, world_corners
+from bellcrank.replays.geometry.shapes import Body, bounding_boxes, world_corners
 
 Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
-MARGIN = 1.08  # around what the camera shows
 MOST_LOOKED_AT = 200  # frames by which the camera is placed
 
 
 def compared_films(film: Film, other: Film) -> Film:
     """A film with another one over it, whose names begin with its title, or with "second" where both are the same."""
-    first, second = (film.title, other.title) if film.title != other.title else ("first", "second")
+    first, second = names_of(film, other)
     time = np.union1d(film.time, other.time)
     poses = np.concatenate([_poses_at(one, time) for one in (film, other)], axis=1)
     count = len(film.bodies)
@@ -87,6 +86,11 @@ def compared_films(film: Film, other: Film) -> Film:
         success=film.success and other.success,
         notes=tuple(notes),
     )
+
+
+def names_of(film: Film, other: Film) -> tuple[str, str]:
+    """How two films over each other are called."""
+    return (film.title, other.title) if film.title != other.title else ("first", "second")
 
 
 def _tinted(body: Body, prefix: str) -> Body:
@@ -155,8 +159,4 @@ def _camera(camera: Camera, poses: Array, bodies: Sequence[Body]) -> Camera:
     """A camera in the direction of another one, that sees all bodies at all times."""
     some = poses[np.unique(np.linspace(0, len(poses) - 1, MOST_LOOKED_AT).astype(int))]
     points = world_corners(some, bounding_boxes(bodies)).reshape(-1, 3)
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    radius = float(np.linalg.norm(points - middle, axis=1).max())
-    back = np.subtract(camera.position, camera.target)
-    distance = MARGIN * max(radius, 1e-3) / np.sin(np.arctan(HALF_VIEW))
-    return Camera(triple(middle + distance * back / np.linalg.norm(back)), triple(middle), camera.up)
+    return fit_camera(points, np.subtract(camera.position, camera.target), np.asarray(camera.up))

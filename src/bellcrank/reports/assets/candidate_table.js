@@ -138,7 +138,7 @@ function makeCandidateTable({ show, compare }) {
     if (!ordered.length) body.append(element("tr", {}, element("td", { colSpan: COLUMNS.length + 1, className: "nothing", textContent: "no pair matches the filter" })));
     else if (![...byRow.values()].includes(state.pinned)) byRow.keys().next().value.tabIndex = 0;
     mark(state.pinned);
-    filters.count.textContent = `${ordered.length} of ${axis.candidates.length} pairs`;
+    filters.count.textContent = `${ordered.length} of ${axis.candidates.length} pair${axis.candidates.length === 1 ? "" : "s"}`;
     more.hidden = ordered.length <= state.rows;
     more.textContent = more.hidden ? "" : `show ${Math.min(FIRST_ROWS, ordered.length - state.rows)} more`;
   };

@@ -7,6 +7,9 @@ const tierBadge = (tier) => element("span", { className: `tier ${tier.replaceAll
 const LONG = 40; // characters of a figure that takes a line of its own
 const known = (value, unit, digits = 3) => (value === null || value === undefined ? "unknown" : `${formatNumber(value, digits)}${unit && ` ${unit}`}`);
 
+/** A text as one word of a shell. */
+const quoted = (text) => (/^[\w.=+-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
+
 /** (name, value) of a pair's figures. */
 const pairFigures = (candidate) => [
   ["ratio", candidate.gear.direct ? "direct" : known(candidate.shaft.ratio, candidate.axis.kind === "linear" ? "rad/m" : "", 4)],
@@ -18,6 +21,7 @@ const pairFigures = (candidate) => [
   ["fit", candidate.fit],
   ["figures of the motor", candidate.motor.origin],
   ...(candidate.gear.direct ? [] : [["figures of the gear", candidate.gear.origin]]),
+  ["to choose it", `bellcrank select … --keep ${quoted(`${candidate.axis.name}=${[candidate.motor.id, ...(candidate.gear.direct ? [] : [candidate.gear.id])].join("+")}`)}`],
 ];
 
 /** The whole view of a pair; `open` shows the sentence of every criterion, as print needs it. */
@@ -30,7 +34,7 @@ function pairView(candidate, width, { open = false, figures = true, reach = null
       ...pairFigures(candidate).map(([name, value]) => element("div", { className: value.length > LONG ? "long" : "" }, element("dt", { textContent: name }), element("dd", { textContent: value })))));
   }
   box.append(torqueSpeedPlane(detail, width, reach ?? planeReach(detail)),
-    element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit" }), useBars(candidate.criteria, open)),
+    element("section", { className: "use-part" }, element("h4", { textContent: "Utilisation, 100 % at the limit; press a bar for its load and limit" }), useBars(candidate.criteria, open)),
     element("section", { className: "temperature-part" }, element("h4", { textContent: "Temperature" }), temperatureChart(detail, width)));
   return box;
 }

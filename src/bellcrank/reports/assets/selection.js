@@ -37,7 +37,7 @@ function axisSummary({ counts, candidates, advice, unknownMasses, mount, kept })
   const shown = candidates.length < total ? ` The best ${candidates.length.toLocaleString("en")} are listed.` : "";
   const unknown = `The mass of what was chosen for ${unknownMasses.join(", ")} is not stated, so criteria that depend on the load are unknown.`;
   return [
-    element("p", { textContent: `${total.toLocaleString("en")} pairs: ${text}.${shown} Mounted on ${mount}.${kept ? " The pair was given." : ""}` }),
+    element("p", { textContent: `${total.toLocaleString("en")} pair${total === 1 ? "" : "s"}: ${text}.${shown} Mounted on ${mount}.${kept ? " The pair was given." : ""}` }),
     ...unknownMasses.length ? [element("p", { textContent: unknown })] : [],
     ...advice ? [element("p", { className: "advice", textContent: advice })] : [],
   ];

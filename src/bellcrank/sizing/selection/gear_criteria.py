@@ -88,12 +88,16 @@ class GearAverageTorque(GearCriterion):
             return text
         if exponent is not None:
             return f"{text} (exponent {exponent:g})"
-        use = float(self.cycle_use(pair, cycle, conditions)[0])
-        between = f"average torque between {cycle.average_torque(1.0):.4g} and {cycle.max_torque:.4g}, as the exponent"
+        use, unit = float(self.cycle_use(pair, cycle, conditions)[0]), "N m" if cycle.axis.kind == "rotary" else "N"
+        between = f"average torque between {cycle.average_torque(1.0):.4g} {unit} and {cycle.max_torque:.4g} {unit}"
+        between += " (the exponent is not stated)"
         if np.isnan(use):
-            return f"{between} is not stated; {self.missing(pair)}"
-        limit = cycle.max_torque / use if use <= 1.0 else cycle.average_torque(1.0) / use
-        return f"{between} is not stated, of {limit:.4g}, in '{cycle.name}'"
+            return f"{between}; {self.missing(pair)}"
+        limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
+        if np.isnan(limit):
+            bound, name = (self.at_least if use <= 1.0 else self.at_most)(pair, cycle)
+            limit, name = float(bound[0]), f"{name} (the {self.limit_name} is not stated)"
+        return f"{between} of {limit:.4g} {unit}, {name}, in '{cycle.name}'"
 
 
 class GearRepeatedPeak(GearCriterion):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.plot_style import colour, legend_columns, literal, new_figure, plain
+from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ def motors_figure(selection: Selection) -> Figure:
     axes_of = [(k, one) for k, one in enumerate(selection.axes) if one.chosen is not None]
     columns = min(len(axes_of), 3 if len(axes_of) > 4 else 2)
     rows = math.ceil(len(axes_of) / columns)
-    figure = new_figure(max(8.5, 4.6 * columns), 3.7 * rows + 0.9)
+    figure = new_figure(max(8.5, 4.6 * columns), 3.7 * rows + 0.9, free=True)
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis, (k, one) in zip(axes, axes_of, strict=False):
         _panel(axis, selection, k, one)
@@ -41,15 +41,8 @@ def motors_figure(selection: Selection) -> Figure:
     for axis in axes[: len(axes_of)]:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.suptitle(literal(f"{selection.robot}: torque and speed of the chosen motors", 90))
-    figure.legend(
-        list(entries.values()),
-        list(entries),
-        loc="outside lower center",
-        ncols=legend_columns(list(entries), figure),
-        frameon=False,
-        fontsize="small",
-    )
+    top = heading(figure, f"{selection.robot}: torque and speed of the chosen motors")
+    place(figure, top=top + 0.4, bottom=legend_below(figure, entries) + 0.45, between=0.9)
     return figure
 
 

@@ -13,7 +13,18 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DPI, colour, legend_columns, literal, new_figure, plain, save_figure, write_figures
+from bellcrank.plot_style import (
+    DPI,
+    colour,
+    heading,
+    legend_columns,
+    literal,
+    new_figure,
+    place,
+    plain,
+    save_figure,
+    write_figures,
+)
 from bellcrank.sizing.selection.motor_plots import motors_figure
 from bellcrank.sizing.selection.tables import percent
 
@@ -75,14 +86,16 @@ def utilisation_figure(selection: Selection) -> Figure:
     if system := _judged(selection.system):
         panels.append(("all axes together", system))
     heights = [max(2, len(results)) for _, results in panels]
-    figure = new_figure(9.0, 0.27 * sum(heights) + 0.75 * len(panels) + 0.8)
+    figure = new_figure(9.0, 0.27 * sum(heights) + 0.75 * len(panels) + 0.8, free=True)
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
     for axis, (title, results) in zip(axes, panels, strict=True):
         _bars(axis, results)
         axis.set_title(literal(title, 100), fontsize="medium", loc="left")
     axes[-1].set_xlabel("utilisation: 100 % is the limit")
     axes[-1].xaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
-    figure.suptitle(literal(f"{selection.robot}: utilisation of the chosen motors and gears", 90))
+    top = heading(figure, f"{selection.robot}: utilisation of the chosen motors and gears")
+    longest = max(len(each.name) for _, results in panels for each in results)
+    place(figure, left=0.2 + 0.075 * longest, top=top + 0.25)
     return figure
 
 

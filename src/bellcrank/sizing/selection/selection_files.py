@@ -40,15 +40,13 @@ UNITS = {
 }
 
 
-def write_results(selection: Selection, folder: str | Path, others: Iterable[Path] = ()) -> list[Path]:
+def write_results(selection: Selection, folder: str | Path) -> list[Path]:
     """Write selection.csv and selection.json into a folder, each as a whole or not at all, and return their paths.
 
-    `others` are files of the same selection in the folder; selection.json lists them beside these two under "files".
     Raises InputError where a file cannot be written.
     """
     folder = Path(folder)
-    names = [*RESULTS, *(path.name for path in others)]
-    files = {folder / "selection.csv": csv_text(selection), folder / "selection.json": json_text(selection, names)}
+    files = {folder / "selection.csv": csv_text(selection), folder / "selection.json": json_text(selection)}
     for path, text in files.items():
         atomic_write.write_text(path, text)
     return list(files)
@@ -79,7 +77,10 @@ def csv_text(selection: Selection) -> str:
 
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
-    """The text of selection.json: the whole selection in SI units, with null for what is unknown."""
+    """The text of selection.json: the whole selection in SI units, with null for what is unknown.
+
+    "files" lists `files`; `json_files.list_files` adds those that are written later.
+    """
     document = {
         "robot": selection.robot,
         "objective": selection.objective,
