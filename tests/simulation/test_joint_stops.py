@@ -440,3 +440,27 @@ def test_an_event_at_the_place_of_a_stop_happens_at_each_impact(block, e, direct
     assert hits == pytest.approx(expected, abs=1e-12)
     last = bc.simulate(scene.with_overrides({"events.hit.stop": True}), duration=6.0)
     assert last.time[-1] == pytest.approx(6.0 if direction == "up" else math.sqrt(2 / G), abs=1e-9)
+
+
+def test_a_joint_that_leaves_its_stop_is_not_driven_into_it_by_an_impact_at_another_one(tmp_path):
+    """Two blocks of 1 kg in a row: the first meets its stop at 1 m/s while the second leaves its own, on the first, at
+    0.1 m/s. The impact turns the first round with 0.5 m/s, and the second is carried along.
+    """
+    bodies = "".join(
+        f'<link name="b{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial></link>"
+        for k in range(2)
+    )
+    joints = "".join(
+        f'<joint name="j{k}" type="prismatic"><parent link="{parent}"/><child link="b{k}"/><axis xyz="1 0 0"/>'
+        '<limit lower="-10" upper="10" effort="1" velocity="9"/></joint>'
+        for k, parent in enumerate(("base", "b0"))
+    )
+    (tmp_path / "row.urdf").write_text(f'<robot name="row"><link name="base"/>{bodies}{joints}</robot>')
+    stop = {"lower": 0.0, "restitution": 0.5}
+    scene = {"urdf": "row.urdf", "gravity": [0, 0, 0], "joints": {"j0": {"stop": stop}, "j1": {"stop": stop}},
+             "initial": {"velocity": {"j0": -1.0, "j1": 0.1}}, "simulate": {"duration": 1.0}}  # fmt: skip
+    (tmp_path / "row.yaml").write_text(yaml.safe_dump(scene))
+    run = bc.simulate(tmp_path / "row.yaml")
+    assert run.velocity[-1] == pytest.approx([0.5, 0.0], abs=1e-12) and run.position.min() >= 0.0
+    assert run.impacts("j0")[0, 1] == pytest.approx(2.9) and run.impacts("j1")[0, 1] == pytest.approx(1.4)

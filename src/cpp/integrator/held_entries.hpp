@@ -469,7 +469,8 @@ class Held {
   double strike(int count, const Turn& f, double share) {
     for (int k = 0; k < count; ++k) {
       const int j = struck_[k];
-      modes_.right[k] = (1 + share * f.restitution[j]) * f.velocity[j];
+      const double e = closed_[j] * f.velocity[j] < 0 ? share * f.restitution[j] : 0;  // one that leaves does not rebound
+      modes_.right[k] = (1 + e) * f.velocity[j];
       for (int l = 0; l < count; ++l) modes_.matrix[k * count + l] = response(f, j, struck_[l]);
       set_bounds(k, j, f, mode(j).holds);
     }
