@@ -33,7 +33,10 @@ class LimitsAtPlace : private QuantitiesAtPlace {
     Bounds found = bounds_with_holes(y, holes, false);
     const Hole* const end = holes.all + holes.count;
     const Hole* const hole = std::find_if(static_cast<const Hole*>(holes.all), end, [&](const Hole& one) { return one.row == row; });
-    if (hole == end) return {.least = {unlimited, {}, row}, .most = {-unlimited, {}, row}};
+    if (hole == end) {
+      found.least.value = unlimited, found.most.value = -unlimited;
+      return found;
+    }
     if (below && hole->low < found.most.value) found.most = hole->at_low();
     if (!below && hole->high > found.least.value) found.least = hole->at_high();
     leave_holes(found, holes, y, false);
