@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from tests.campaigns.fastest_behind_lossy_gears import random_arm
 
 POSTURES = [(-0.3112, -1.4825), (-0.7125, -0.2364), (-1.1822, 0.3995)]
 MOTORS = bc.MotionLimits(speed="none", torque="none")
@@ -145,3 +146,33 @@ def test_wide_holes_among_the_accelerations_are_passed(
     assert found.gap <= 1e-3
     assert found.lower_bound <= found.duration
     assert found.excess <= 1e-6 or found.warnings
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize("seed", [300_001, 300_007, 300_019])
+def test_where_switching_is_fastest_the_motion_switches_and_keeps_all_limits(tmp_path: Path, seed: int) -> None:
+    # Both ends of a hole lead back to one speed: the bound is of motions that switch as often as one likes.
+    robot, config, actuators, path = random_arm(seed, tmp_path)
+    found = bc.time_optimal(config, path, MOTORS, costs=False)
+    assert found.excess <= 1e-6 and found.refined
+    assert 0.0 <= found.gap <= 1e-4
+    step = np.diff(found.motion.time)
+    inside = np.flatnonzero(step > 0.0)
+    shares = (0.02, 0.3, 0.7, 0.98)
+    time = np.concatenate([found.motion.time[inside] + share * step[inside] for share in shares])
+    q, v, a = found.motion.at(time)
+    over = np.full(len(time), -1.0)
+    load = robot.inverse_dynamics(q, v, a)
+    for k, joint in enumerate(robot.joints):
+        one = actuators[joint.name]
+        passed = load[:, k] / one["ratio"] * one["efficiency"] ** np.where(load[:, k] * v[:, k] > 0.0, -1.0, 1.0)
+        speed = np.abs(v[:, k]) * one["ratio"]
+        limit = one["peak_torque"] * np.clip((one["max_speed"] - speed) / (one["max_speed"] - one["rated_speed"]), 0, 1)
+        used = np.abs(passed + one["rotor_inertia"] * one["ratio"] * a[:, k]) / one["peak_torque"]
+        over = np.maximum(over, used - limit / one["peak_torque"])
+    exceeded = over > 2e-6  # in rows that are microseconds apart accelerations are rounded
+    assert np.sum(np.tile(step[inside], len(shares))[exceeded]) <= 1e-5 * found.duration
+    assert np.max(over) <= 1e-3
+    jumps = np.flatnonzero(step == 0.0)
+    switches = np.sum(np.abs(np.diff(found.motion.acceleration, axis=0)[jumps]).max(axis=1) > 1.0)
+    assert switches > 50

@@ -281,10 +281,13 @@ class Actuator:
         load_torque, velocity, acceleration = arguments.alike(
             load_torque=load_torque, velocity=velocity, acceleration=acceleration
         )
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
+            return self._shaft_torque(load_torque, velocity, acceleration)
+
+    def _shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         efficiency = math.nan if self.efficiency is None else self.efficiency
         inertia = math.nan if self.shaft_inertia is None else self.shaft_inertia
-        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
-            return shaft_torque(load_torque, (velocity, acceleration), self.ratio, efficiency, inertia)
+        return shaft_torque(load_torque, (velocity, acceleration), self.ratio, efficiency, inertia)
 
     def electrical_power(self, shaft_power: Array) -> Array:
         """The electrical power: shaft power divided by the motor's efficiency, or multiplied by it where negative.
@@ -328,6 +331,10 @@ class Actuator:
             array([20.])
         """
         torque, speed = arguments.alike(torque=torque, speed=speed)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._supply_power(torque, speed)
+
+    def _supply_power(self, torque: Array, speed: Array) -> Array:
         return self.electrical_power(torque * speed)
 
     def continuous_torque(self, speed: float) -> float | None:
@@ -347,7 +354,9 @@ class Actuator:
             >>> bc.load_robot_config("geared_pendulum").actuators["shoulder"].continuous_torque(100.0)
             0.32
         """
-        arguments.number("speed", speed, "rad/s")
+        return self._continuous_torque(arguments.number("speed", speed, "rad/s"))
+
+    def _continuous_torque(self, speed: float) -> float | None:
         return self.rated_torque
 
     def available_torque(self, speed: Array) -> Array:
@@ -368,7 +377,9 @@ class Actuator:
             >>> actuator.available_torque(np.array([0.0, 700.0]))
             array([0.95, 0.  ])
         """
-        (speed,) = arguments.alike(speed=speed)
+        return self._available_torque(*arguments.alike(speed=speed))
+
+    def _available_torque(self, speed: Array) -> Array:
         points = self.curve_points
         return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
 
@@ -391,8 +402,10 @@ class Actuator:
             >>> actuator.limit_uses(np.array([0.475]), np.array([100.0]))
             array([[0.5]])
         """
-        torque, speed = arguments.alike(torque=torque, speed=speed)
-        return self.curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
+        return self._limit_uses(*arguments.alike(torque=torque, speed=speed))
+
+    def _limit_uses(self, torque: Array, speed: Array) -> Array:
+        return self._curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
 
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The share of the torque-speed curve that is used, along the ray from the origin.
@@ -416,7 +429,9 @@ class Actuator:
             >>> actuator.curve_use(np.array([0.475]), np.array([0.0]))
             array([0.5])
         """
-        torque, speed = arguments.alike(torque=torque, speed=speed)
+        return self._curve_use(*arguments.alike(torque=torque, speed=speed))
+
+    def _curve_use(self, torque: Array, speed: Array) -> Array:
         if (points := self.curve_points) is None:
             return np.full(np.broadcast_shapes(torque.shape, speed.shape), np.nan)
         return share_of_curve(points, torque, speed)

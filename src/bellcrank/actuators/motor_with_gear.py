@@ -57,7 +57,7 @@ class MotorWithGear(Actuator):
 
     @cached_property
     def _train(self) -> PowerTrains:
-        return PowerTrains.of(self.conditions.completed(self.motor), self.conditions.completed(self.gear))
+        return PowerTrains.of(*self.rows)
 
     @property
     def rows(self) -> tuple[Motor, Gear]:
@@ -71,7 +71,7 @@ class MotorWithGear(Actuator):
 
     @cached_property
     def _region(self) -> ShortTimeRegion:
-        return ShortTimeRegion(self.conditions.completed(self.motor), self.conditions)
+        return ShortTimeRegion(self.rows[0], self.conditions)
 
     @property
     def short_time_region(self) -> ShortTimeRegion:
@@ -87,7 +87,7 @@ class MotorWithGear(Actuator):
     @property
     def unknown_of_supply(self) -> tuple[str, ...]:
         """What the power from the supply needs and is unknown."""
-        motor = self.conditions.completed(self.motor)
+        motor = self.rows[0]
         figures = {
             "the torque constant with its basis": motor.dc_torque_constant,
             "the resistance": motor.resistance,
@@ -134,106 +134,28 @@ class MotorWithGear(Actuator):
         found = self._region.voltage_torques(speed)
         return None if found is None else (speed, found[0], found[1])
 
-    def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
-        """The torque at the motor shaft (`PowerTrains.shaft_torque`).
+    def _shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
+        return self._train.shaft_torque(load_torque, velocity, acceleration)
 
-        Args:
-            load_torque: Joint torque (n,) without the reflected rotor inertia, N m (prismatic: N).
-            velocity: Joint velocity (n,), rad/s (m/s).
-            acceleration: Joint acceleration (n,), rad/s² (m/s²).
-
-        Returns:
-            Shaft torque (n,), N m; NaN where the efficiency or an inertia is unknown.
-
-        Raises:
-            InputError: For arrays of different shapes.
-        """
-        load_torque, velocity, acceleration = arguments.alike(
-            load_torque=load_torque, velocity=velocity, acceleration=acceleration
-        )
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._train.shaft_torque(load_torque, velocity, acceleration)
-
-    def supply_power(self, torque: Array, speed: Array) -> Array:
-        """The power from the supply with the motor's copper, friction and iron losses.
-
-        Args:
-            torque: Shaft torque (n,), N m.
-            speed: Shaft speed (n,), rad/s.
-
-        Returns:
-            Power (n,), W; negative where it is given back, NaN where unknown.
-
-        Raises:
-            InputError: For arrays of different shapes.
-        """
-        torque, speed = arguments.alike(torque=torque, speed=speed)
+    def _supply_power(self, torque: Array, speed: Array) -> Array:
+        """With the motor's copper, friction and iron losses."""
         motors = self._train.motors
-        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
-            return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
+        return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
 
-    def continuous_torque(self, speed: float) -> float | None:
-        """The torque that the motor can deliver continuously at a constant speed.
-
-        Args:
-            speed: Shaft speed, rad/s, of either sign.
-
-        Returns:
-            Torque, N m; None where unknown.
-
-        Raises:
-            InputError: For a speed that is not a number.
-        """
-        speed = arguments.number("speed", speed, "rad/s")
+    def _continuous_torque(self, speed: float) -> float | None:
         found = float(continuous_torque(self._train.motors, speed, self.conditions).torque[0])
         return None if np.isnan(found) else found
 
-    def available_torque(self, speed: Array) -> Array:
-        """The largest driving torque at speeds.
-
-        Args:
-            speed: Shaft speed (n,), rad/s, of either sign.
-
-        Returns:
-            Torque (n,), N m; NaN where a limit is unknown.
-
-        Raises:
-            InputError: For values that are not numbers.
-        """
-        (speed,) = arguments.alike(speed=speed)
+    def _available_torque(self, speed: Array) -> Array:
+        """The largest driving torque; NaN where a limit is unknown."""
         found = self._region.highest_torque(np.abs(speed))
         return np.full(speed.shape, np.nan) if self.unknown_limits else found
 
-    def limit_uses(self, torque: Array, speed: Array) -> Array:
-        """The share of each known limit.
-
-        Args:
-            torque: Shaft torque (n,), N m, including any safety factor.
-            speed: Shaft speed (n,), rad/s.
-
-        Returns:
-            The shares (m, n) of m limits: 1 on the limit, more outside.
-
-        Raises:
-            InputError: For arrays of different shapes.
-        """
-        torque, speed = arguments.alike(torque=torque, speed=speed)
+    def _limit_uses(self, torque: Array, speed: Array) -> Array:
         return self._region.uses(torque, speed)
 
-    def curve_use(self, torque: Array, speed: Array) -> Array:
-        """The largest share of those limits of torque over speed that are known.
-
-        Args:
-            torque: Shaft torque (n,), N m, including any safety factor.
-            speed: Shaft speed (n,), rad/s.
-
-        Returns:
-            The share (n,): 1 on the limit, more outside, NaN where an argument is NaN or no limit is known.
-
-        Raises:
-            InputError: For arrays of different shapes.
-        """
-        torque, speed = arguments.alike(torque=torque, speed=speed)
+    def _curve_use(self, torque: Array, speed: Array) -> Array:
+        """The largest share of those limits of torque over speed that are known."""
         return self._region.use(torque, speed)
 
 

@@ -25,10 +25,12 @@ NEAR_REST = 1e-12  # of the path
 TIME_ERROR = 1e-11  # of the whole time, by one cell
 EXCESS = 2e-7  # share by which a limit may be exceeded, or missed, in the middle of a cell
 CHECKED_EXCESS = 5e-7  # the same elsewhere in a cell
+TOOTH = 4e-4  # of the square of the speed, where the motion switches between ends of a hole: a quarter of it is time
+APART = 5e-5  # of a time that is too short: rounding of the acceleration in rows that are closer exceeds 1e-6 of limits
 MOST_PASSES = 120
 CHECKED_EVERY = 10  # passes: the excess elsewhere in cells is found anew, and where no cell is halved
 MOST_CELLS = 20_000
-KINDS = ("most acceleration", "most deceleration", "along a speed limit", "change")
+KINDS = ("most acceleration", "most deceleration", "along a speed limit", "change", "switching")
 SPEED_LIMIT = -2
 
 
@@ -115,7 +117,7 @@ def fastest_refined(
         short = np.where(np.diff(r) <= NARROW, 1, np.where(np.diff(s[::2]) <= NEAR_REST * path.length, 2, 0))
         slope = path.length * slope_of_share(places)
         arrays = limits.at_places(known.at(s))
-        found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS)
+        found = refined_pass(arrays, r, s, slope, short.astype(np.uint8), 0.0, 0.0, TIME_ERROR, EXCESS, TOOTH, APART)
         _refuse_failure(found, path, limits, s[::2])
         timing = _timing(s[::2], found)
         halved = (found["error"] > 1.0) & (short == 0)

@@ -10,13 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.cached_values import cached_property
 from bellcrank.planning.driven_axes import DrivenAxis
-from bellcrank.planning.gear_efficiency import GearEfficiencies, gear_efficiencies
 from bellcrank.planning.torque_speed_limits import Polyline, torque_speed_polylines
 
 Array = NDArray[np.float64]
+
+
+class GearEfficiencies(NamedTuple):
+    """Efficiencies of a gear.
+
+    Attributes:
+        driving: Where the motor drives: the torque at the shaft is τ / (N driving).
+        driven: Where the load gives power back: it is τ driven / N.
+        varies: Whether they depend on the load; then they are the lowest and the highest value of the curve, with which
+            the shaft torque is larger than it is while driving, and larger than it is while braking.
+    """
+
+    driving: float
+    driven: float
+    varies: bool
+
+
+def gear_efficiencies(actuator: Actuator) -> GearEfficiencies:
+    """The efficiencies of an actuator whose shaft torque is known."""
+    gear = actuator.rows[1]
+    if gear.efficiency_curve is not None:
+        values = [efficiency for _, efficiency in gear.efficiency_curve]
+        driven = max(values) if gear.back_efficiency is None else gear.back_efficiency
+        return GearEfficiencies(min(values), driven, min(values) != max(values))
+    driving = 1.0 if gear.efficiency is None else gear.efficiency
+    return GearEfficiencies(driving, driving if gear.back_efficiency is None else gear.back_efficiency, False)
 
 
 class ShaftLimit(NamedTuple):
@@ -90,7 +114,7 @@ class MotorLimits:
         """By motor: the largest torque, N m or N, that the gear may pass on repeatedly, with the safety factor."""
         found = {}
         for k, _, actuator in self._given:
-            if isinstance(actuator, MotorWithGear) and (limit := actuator.gear.repeated_peak_torque) is not None:
+            if (limit := actuator.rows[1].repeated_peak_torque) is not None:
                 found[k] = limit / actuator.safety_factor
         return found
 
@@ -101,10 +125,7 @@ class MotorLimits:
         found = []
         for k, _, actuator in self._given:
             tops = [*last.get(k, ())]
-            if actuator.max_speed is not None:
-                tops.append(actuator.max_speed)
-            if isinstance(actuator, MotorWithGear) and actuator.gear.max_speed is not None:
-                tops.append(actuator.gear.max_speed)
+            tops += [top for top in (actuator.max_speed, actuator.rows[1].max_speed) if top is not None]
             if tops:
                 found.append((self.axes[k], min(tops) / actuator.ratio))
         return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,17 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
+from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, join
-from bellcrank.planning.cycle_loads import MotorCycle, motor_cycles
 from bellcrank.planning.cycle_result import LIMITS, By, Limit, RepeatedCycle
 from bellcrank.planning.speed_scaling import scaled_motion
 from bellcrank.robot.payload import Payload
+from bellcrank.sizing.drive_verdicts import pair_of
 from bellcrank.sizing.mechanism_sizing import motion_warnings
+from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_loads
+from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
+from bellcrank.sizing.selection.thermal_criteria import WindingTemperature
 from bellcrank.sizing.subject import sizing_subject
 
 if TYPE_CHECKING:
@@ -33,6 +39,69 @@ REACHED = 1e-9  # a use may exceed 1 by this
 LONGEST_PAUSE = 1e7  # times the motion's time
 FACTORS = 60  # speed factors between 1 and SLOWEST at which the uses are looked at
 SLOWEST = 1e-3
+# What a cycle that repeats asks of motors, by the judge's own criteria: the temperature is that of the periodic state.
+CRITERIA = {"rms": ContinuousTorqueCriterion(), "temperature": WindingTemperature()}
+
+
+@dataclass(frozen=True, eq=False)
+class MotorCycle:
+    """The motor of one axis over a motion that repeats, with any pause after it.
+
+    Attributes:
+        actuator: Motor and gear.
+        loads: The loads of the axis along the motion and a pause of 1 s.
+    """
+
+    actuator: Actuator
+    loads: ReducedLoads
+
+    @property
+    def duration(self) -> float:
+        """The time of the motion, s."""
+        return self.loads.cycles[0].duration - 1.0
+
+    def use(self, limit: Limit, pause: float) -> float | None:
+        """The share of a limit that is used where the motion repeats with a pause, s; None where it is unknown."""
+        loads = replace(self.loads, cycles=tuple(_with_pause(cycle, pause) for cycle in self.loads.cycles))
+        pair, conditions, criterion = pair_of(self.actuator), self.actuator.judged_under, CRITERIA[limit]
+        if not criterion.applies(pair, loads.axis, conditions)[0]:
+            return None
+        use = float(criterion.use(pair, loads, conditions)[0])
+        return None if np.isnan(use) else use
+
+
+def _with_pause(cycle: ReducedCycle, pause: float) -> ReducedCycle:
+    """A cycle whose last interval, a pause of 1 s, lasts for another time; without it where that is 0."""
+    last = cycle.interval == cycle.interval[-1]
+    if pause > 0.0:
+        weight = np.where(last, pause * cycle.weight, cycle.weight)
+        return replace(cycle, weight=weight, duration=cycle.duration - 1.0 + pause)
+    return replace(
+        cycle,
+        duration=cycle.duration - 1.0,
+        time=cycle.time[~last],
+        weight=cycle.weight[~last],
+        interval=cycle.interval[~last],
+        sequence=cycle.sequence[:-1],
+        features=cycle.features[~last],
+        torque=cycle.torque[~last],
+        inertia=cycle.inertia[~last],
+    )
+
+
+def motor_cycles(
+    mechanism: Mechanism,
+    actuators: Mapping[str, Actuator],
+    motion: Motion,
+    transmissions: Sequence[CoupledTransmission] = (),
+) -> dict[str, MotorCycle]:
+    """The motors that have an actuator, by the name of the axis: a joint, or the motor of a coupled transmission."""
+    if not actuators:
+        return {}
+    duty = [DutyStep(motion.name), DutyStep(pause=1.0)]
+    found = axis_loads(mechanism, [motion], duty, transmissions, drives=actuators)
+    loads = reduce_loads(found.axes, found.cycles)
+    return {one.axis.name: MotorCycle(actuators[one.axis.name], one) for one in loads if one.axis.name in actuators}
 
 
 @arguments.named

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.sizing.holding_search import AscentSettings, JointRanges, at_or_above
-from bellcrank.sizing.static_tree import TreeLink, cross, rotated, tree_links
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
@@ -29,6 +28,55 @@ Rows = NDArray[np.intp] | slice
 STRETCHED = 4  # one in so many of the starts has what its joint moves stretched out
 BLOCK_NUMBERS = 1_000_000  # coordinates of all postures that are improved together
 UNSETTLED = 1e-6  # of a torque: a note tells of one that the last sweep still raised by more
+
+
+@dataclass(frozen=True)
+class TreeLink:
+    """A joint of the tree: its placement in the parent, its axis, and the masses that move with it."""
+
+    parent: int  # -1: the world
+    turn: Array
+    shift: Array
+    axis: Array
+    kind: str
+    column: int  # among the joints with one degree of freedom; -1: another, which stays at its neutral posture
+    mass: Array  # (bodies,)
+    lever: Array  # (bodies, 3), in the joint's frame
+
+
+def tree_links(robot: Robot, joints: tuple[RobotJoint, ...]) -> list[TreeLink]:
+    """The joints of the tree in its order, parents first; `joints` are those with one degree of freedom."""
+    tree, columns = robot.equations.tree, {joint.name: k for k, joint in enumerate(joints)}
+    bodies: list[list[tuple[float, Array]]] = [[] for _ in tree.joints]
+    for frame in (tree.frames[k] for k in tree.massive_frames()):
+        turn = np.array(frame.placement.rotation).reshape(3, 3)
+        lever = turn @ np.array(frame.lever) + np.array(frame.placement.translation)
+        bodies[frame.parent_joint - 1].append((frame.mass, lever))
+    return [
+        TreeLink(
+            joint.parent - 1,
+            np.array(joint.placement.rotation).reshape(3, 3),
+            np.array(joint.placement.translation),
+            np.array(joint.axis),
+            joint.kind if joint.name in columns else "held",
+            columns.get(joint.name, -1),
+            np.array([mass for mass, _ in carried]),
+            np.array([lever for _, lever in carried]).reshape(-1, 3),
+        )
+        for joint, carried in zip(tree.joints, bodies, strict=True)
+    ]
+
+
+def cross(axis: Array, vectors: Array) -> Array:
+    """axis (3,) × vectors (3, r)."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ vectors
+
+
+def rotated(axis: Array, vectors: Array, cosine: Array, sine: Array) -> Array:
+    """Vectors (3, r) rotated about an axis by angles of these cosines and sines (r,) (Rodrigues' formula)."""
+    along = np.outer(axis, (axis @ vectors) * (1.0 - cosine))
+    return np.asarray(vectors * cosine + cross(axis, vectors) * sine + along)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ struct Bound {
   double value;
   Parabola shape;
   int row, quantity = -1;
+  double hole = 0;  // width of the row's hole (below) at whose end the bound is; 0 elsewhere
+
+  int hole_row() const { return hole > 0 ? row : -1; }
 };
 
 // The bounds of u at a place and a speed: least <= u <= most, and the worst limit that does not depend on u. Where gears
@@ -29,8 +32,8 @@ struct Hole {
   Parabola low_shape, high_shape;
   int row, low_quantity, high_quantity;
 
-  Bound at_low() const { return {low, low_shape, row, low_quantity}; }
-  Bound at_high() const { return {high, high_shape, row, high_quantity}; }
+  Bound at_low() const { return {low, low_shape, row, low_quantity, high - low}; }
+  Bound at_high() const { return {high, high_shape, row, high_quantity, high - low}; }
 };
 
 // The holes at a place and a speed; no more than there is room for.

@@ -27,6 +27,31 @@ class LimitsAtPlace : private QuantitiesAtPlace {
     return found;
   }
 
+  // The bounds of the u below the hole of a row, or above it; none are left where the row has no hole.
+  Bounds beside_hole(double y, int row, bool below) const {
+    Holes holes;
+    Bounds found = bounds_with_holes(y, holes, false);
+    const Hole* const end = holes.all + holes.count;
+    const Hole* const hole = std::find_if(static_cast<const Hole*>(holes.all), end, [&](const Hole& one) { return one.row == row; });
+    if (hole == end) {
+      found.least.value = unlimited, found.most.value = -unlimited;
+      return found;
+    }
+    if (below && hole->low < found.most.value) found.most = hole->at_low();
+    if (!below && hole->high > found.least.value) found.least = hole->at_high();
+    leave_holes(found, holes, y, false);
+    return found;
+  }
+
+  // The row of the hole in which u lies; -1: in none.
+  int hole_with(double y, double u) const {
+    Holes holes;
+    bounds_with_holes(y, holes, false);
+    const Hole* const end = holes.all + holes.count;
+    const Hole* const hole = std::find_if(static_cast<const Hole*>(holes.all), end, [&](const Hole& one) { return one.low < u && u < one.high; });
+    return hole == end ? -1 : hole->row;
+  }
+
   // The bounds, and the u between them, or beyond them, that are not allowed.
   Bounds bounds_with_holes(double y, Holes& holes, bool narrowed) const {
     Bounds found;

@@ -37,8 +37,13 @@ class LowerBound {
   double time(double begin, double end) {
     for (std::size_t p = 0; p < top_.size(); ++p) {
       std::pair<int, int> ignored;
-      const LimitsAtPlace place(limits_, p);
-      const double y = largest_allowed(place, Goal{}, ignored), largest = std::isnan(y) ? place.fastest() : y;
+      double largest = unlimited;  // of both sides, which the motion passes
+      for (const std::size_t side : {p - (p > 0), std::min(p + 1, top_.size() - 1)}) {
+        const LimitsAtPlace place(limits_, p, side);
+        const double y = largest_allowed(place, Goal{}, ignored);
+        largest = std::min(largest, std::isnan(y) ? place.fastest() : y);
+        if (!limits_.may_split()) break;
+      }
       top_[p] = largest * largest;
     }
     node_[cells_] = std::min(end * end, top_.back());
@@ -105,7 +110,7 @@ class LowerBound {
   // The steepest slope at part j of a cell, in the direction of integration.
   double steepest(std::size_t i, std::size_t j, double x, bool ahead) const {
     const std::size_t place = parts * i + (ahead ? j : parts - j);
-    const Bounds b = LimitsAtPlace(limits_, place).bounds(std::sqrt(std::max(0.0, x)));
+    const Bounds b = LimitsAtPlace(limits_, place, parts * i + parts / 2).bounds(std::sqrt(std::max(0.0, x)));
     return 2 * ds_[place] * (ahead ? b.most.value : -b.least.value);
   }
 

@@ -107,7 +107,7 @@ nb::dict on_grid(const LimitArrays& given, In<1> s, double begin, double end) {
 }
 
 nb::dict refined(const LimitArrays& given, In<1> r, In<1> s, In<1> ds, Narrow narrow, double begin, double end, double speed_tolerance,
-                 double excess_tolerance) {
+                 double excess_tolerance, double tooth, double apart) {
   const std::size_t n = r.shape(0);
   if (n < 2 || 2 * n != given.limits.places + 1 || narrow.shape(0) + 1 != n || s.shape(0) + 1 != 2 * n ||
       ds.shape(0) + 1 != 2 * n)
@@ -115,7 +115,7 @@ nb::dict refined(const LimitArrays& given, In<1> r, In<1> s, In<1> ds, Narrow na
   Fastest f;
   {
     nb::gil_scoped_release release;
-    f = RefinedPass(given.limits, r.data(), s.data(), ds.data(), n, narrow.data(), {speed_tolerance, excess_tolerance})
+    f = RefinedPass(given.limits, r.data(), s.data(), ds.data(), n, narrow.data(), {speed_tolerance, excess_tolerance, tooth, apart})
             .run(begin, end);
   }
   return answer(f);
@@ -211,7 +211,7 @@ NB_MODULE(_planner, m) {
            nb::arg("across"), nb::arg("norm"), nb::arg("rows"), nb::arg("curves"));
   m.def("fastest_on_grid", &on_grid, nb::arg("limits"), nb::arg("s"), nb::arg("begin"), nb::arg("end"));
   m.def("fastest_refined", &refined, nb::arg("limits"), nb::arg("r"), nb::arg("s"), nb::arg("ds"), nb::arg("narrow"), nb::arg("begin"), nb::arg("end"),
-        nb::arg("speed_tolerance"), nb::arg("excess_tolerance"));
+        nb::arg("speed_tolerance"), nb::arg("excess_tolerance"), nb::arg("tooth"), nb::arg("apart"));
   m.def("lower_bound", &lower_bound, nb::arg("limits"), nb::arg("r"), nb::arg("ds"));
   m.def("excess", &excess, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));
   m.def("linearised", &linearised, nb::arg("limits"), nb::arg("speed"), nb::arg("acceleration"));

@@ -58,10 +58,13 @@ struct PathLimits {
 constexpr std::size_t most_quantities = 512;
 using Values = Parabola[most_quantities];
 
-// The limited quantities and the limits of rows at a place.
+// The limited quantities and the limits of rows at a place. Where a motor turns back, the gear's losses change: there
+// they are those on the side of another place.
 class QuantitiesAtPlace {
  public:
-  QuantitiesAtPlace(const PathLimits& limits, std::size_t place) : limits_(limits), place_(place) {}
+  QuantitiesAtPlace(const PathLimits& limits, std::size_t place) : QuantitiesAtPlace(limits, place, place) {}
+  QuantitiesAtPlace(const PathLimits& limits, std::size_t place, std::size_t side)
+      : limits_(limits), place_(place), side_(side) {}
 
   // The coefficients of u.
   const double* slopes() const { return limits_.a + place_ * limits_.quantities; }
@@ -73,14 +76,17 @@ class QuantitiesAtPlace {
 
   // By how much a row's motor turns along the path; 0 for a row without one.
   double turning(const LimitRow& row) const {
-    return row.motor < 0 ? 0.0 : limits_.motor_rate[place_ * limits_.motors + row.motor];
+    if (row.motor < 0) return 0.0;
+    const double here = limits_.motor_rate[place_ * limits_.motors + row.motor];
+    const double beside = limits_.motor_rate[side_ * limits_.motors + row.motor];
+    return std::abs(here) <= rounding * std::abs(beside) ? beside : here;
   }
 
   // The limit of a row.
   Parabola limit_at(const LimitRow& row, double y, Range& range) const {
     if (row.curve < 0) return {0, 0, row.limit};
     const double rate = limits_.motor_rate[place_ * limits_.motors + row.motor], turning = std::abs(rate);
-    const Curve& curve = limits_.curves[row.sense * rate < 0.0 ? row.braking : row.curve];
+    const Curve& curve = limits_.curves[row.sense * this->turning(row) < 0.0 ? row.braking : row.curve];
     const double speed = turning * y;
     const std::size_t last = curve.speed.size() - 1;
     if (turning == 0.0) return {0, 0, curve.torque[0]};
@@ -97,7 +103,7 @@ class QuantitiesAtPlace {
 
  protected:
   const PathLimits& limits_;
-  std::size_t place_;
+  std::size_t place_, side_;
 
  private:
   Parabola value(std::size_t k, double y, Range& range) const {

@@ -134,7 +134,7 @@ inline double largest_allowed(const LimitsAtPlace& place, const Goal& goal, doub
 }
 
 struct Cell {
-  enum Kind : int { forward, backward, riding, crossing };
+  enum Kind : int { forward, backward, riding, crossing, switching };
 };
 
 struct Fastest {

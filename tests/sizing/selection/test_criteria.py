@@ -17,6 +17,8 @@ from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.thermal_criteria import heat_cycle, peak_temperatures, temperature_bounds
+from tests.campaigns.criteria_from_their_sources import CRITERIA as CASES
+from tests.campaigns.criteria_from_their_sources import TARGETS, boundary_cases, differences
 
 pytestmark = pytest.mark.tier2
 
@@ -85,6 +87,15 @@ def test_every_criterion_equals_its_definition(seed: int, missing: float) -> Non
                     error = compare(name, float(uses[name][pair]), of_definition, full.get(name, math.inf))
                     errors += [f"{motor.id} {gear.id} {loads.axis.name} {error}"] if error else []
     assert not errors, errors[:10]
+
+
+def test_verdicts_are_those_of_the_sources_at_the_limits_too() -> None:
+    kinds = set()
+    for number in range(len(CASES) * len(TARGETS)):
+        kind, name, case = boundary_cases(7_000_000 + number)
+        assert differences(case)[0] == [], (number, kind, name)
+        kinds.add(kind)
+    assert kinds == set(TARGETS)
 
 
 @pytest.mark.parametrize("seed", range(3))

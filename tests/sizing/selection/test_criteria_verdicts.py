@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.criteria import figure, lacks, worst
 from bellcrank.sizing.selection.gear_criteria import average_torque
-from bellcrank.sizing.selection.judge import CRITERIA, NOTES, judge
+from bellcrank.sizing.selection.judge import CRITERIA, NOTES, VERDICTS, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.selection import CriterionResult
@@ -226,6 +226,24 @@ def test_a_safety_factor_multiplies_the_torques_of_the_load() -> None:
 def test_of_several_utilisations_a_failure_is_worst_then_the_unknown() -> None:
     uses = np.array([[0.5, np.nan, np.nan, 2.0], [0.7, 0.4, 1.5, 3.0]])
     np.testing.assert_array_equal(worst(uses), [0.7, np.nan, 1.5, 3.0])
+
+
+def test_a_verdict_changes_at_the_tolerance_and_nowhere_else() -> None:
+    gear, most = strong_gear(momentary_torque=1.0, repeated_peak_torque=None), 1.0 + 2e-5  # uses equal the loads
+    pairs = Pairs.possible([strong_motor()], [gear])
+    for use, verdict in (
+        (1.0, "inside"),
+        (np.nextafter(1.0, 2.0), "inside"),
+        (np.nextafter(most, 0.0), "inside"),
+        (most, "inside"),
+        (np.nextafter(most, 2.0), "exceeded"),
+    ):
+        asked = Conditions(momentary_loads={"joint0": float(use)})
+        one = results(strong_motor(), gear, conditions=asked)["gear momentary torque"]
+        assert (one.use, one.verdict) == (use, verdict)
+        many = judge(pairs, load(), asked)
+        row = [each.name for each in many.criteria].index("gear momentary torque")
+        assert [VERDICTS[each] for each in many.verdict[row]] == ["note", verdict]  # without the gear, and with it
 
 
 def test_names_formulas_and_sources_are_there() -> None:
