@@ -12,6 +12,7 @@ namespace BELLCRANK_ISA {
 struct Holds final : Record {
   std::vector<std::pair<double, Numbers>> holds;  // from when on, and which values
   Numbers end_state, ends = Numbers(100000);
+  double end_time = 0;
   int n, count, updates = 0;
   bool fails = false;
 
@@ -21,7 +22,7 @@ struct Holds final : Record {
   void event(int, double, const double*) override {}
   void unresolved(int, double) override {}
   void undefined(int, double) override {}
-  void end(double, const double* x) override { end_state.assign(x, x + n); }
+  void end(double t, const double* x) override { end_time = t, end_state.assign(x, x + n); }
   void hold(double t, const double* values) override { holds.push_back({t, Numbers(values, values + count)}); }
   bool update(int, double t, const double* x, double* values) override {
     return values[0] = t - x[0], ++updates, !fails;

@@ -77,17 +77,40 @@ std::int32_t ball_turn(const double* const* in, double* const* out) {
 
 constexpr int friction_kind[] = {0}, stop_kind[] = {1}, velocity_row[] = {1}, position_row[] = {0};
 
-template <class Stepper>
-void check_ball(double accuracy) {
-  const Numbers first{1, 0, 0}, start{0, 1, 0, 0};
+constexpr int ends[] = {1};
+const Numbers ball_first{1, 0, 0}, ball_held{0, 1, 0, 0};
+
+// A ball that falls from 1 m.
+Problem ball_problem() {
+  const Numbers &first = ball_first, &start = ball_held;
   Problem p = plain_problem(ball, first, 0, 10);
   p.nq = p.nv = 1;
-  KnownDerivatives derivatives(ball_slope);
-  p.derivatives = &derivatives;
   p.held.count = p.signal_entries = 4, p.held.start = start.data();
   p.held.mode_count = 1, p.held.mode_kinds = stop_kind, p.held.mode_rows = velocity_row;
   p.held.mode_places = position_row, p.held.work_row = 2, p.held.response_rows = 1;
   p.held.turn = ball_turn, p.held.switches = ball_switch;
+  return p;
+}
+
+template <class Stepper>
+void check_first_contact(double accuracy) {
+  Problem p = ball_problem();
+  KnownDerivatives derivatives(ball_slope);
+  p.derivatives = &derivatives;
+  p.held.mode_ends = ends;
+  Holds found(p);
+  Counts counts;
+  CHECK(IntegrationLoop<Stepper>(p, found, counts)() == Status::contact);
+  const double fall = std::sqrt(2 / g);
+  CHECK(std::fabs(found.end_time - fall) < accuracy);
+  CHECK(std::fabs(found.end_state[1] - bounce * g * fall) < 1e2 * accuracy);  // after the impact
+}
+
+template <class Stepper>
+void check_ball(double accuracy) {
+  Problem p = ball_problem();
+  KnownDerivatives derivatives(ball_slope);
+  p.derivatives = &derivatives;
   Holds found(p);
   Counts counts;
   CHECK(IntegrationLoop<Stepper>(p, found, counts)() == Status::finished);
@@ -188,6 +211,11 @@ TEST_CASE("a joint without friction follows those that hold the same freedom, an
 TEST_CASE("a Coulomb oscillator sticks as its closed form says") {
   check_block<ExplicitRungeKutta<Dop853, 1>>(1e-6);
   check_block<ExplicitRungeKutta<DormandPrince, 1>>(1e-5);
+}
+
+TEST_CASE("a contact that ends a run leaves the state after the impact") {
+  check_first_contact<ExplicitRungeKutta<Dop853, 1>>(1e-9);
+  check_first_contact<Radau<1>>(1e-7);
 }
 
 TEST_CASE("a ball passes infinitely many impacts and rests as its closed form says") {
