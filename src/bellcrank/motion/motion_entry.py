@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.messages import format_value
+from bellcrank.motion.stretching import stretched
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -47,11 +48,18 @@ class MotionEntry(ABC):
         `entries` are the configuration's motions. Raises BellcrankError naming the place in the configuration.
         """
         try:
-            return self.motion(robot, entries, previous)
+            made = self.motion(robot, entries, previous)
+            factor = speed_factor(self.fields)
+            return made if factor == 1.0 else stretched(made, 1.0 / factor)
         except BellcrankError as error:
             if str(error).startswith(self.fields.where):
                 raise
             raise type(error)(f"{self.fields.error('', str(error))}") from None
+
+
+def speed_factor(fields: Fields) -> float:
+    """The factor on all speeds of a motion, which keeps its path; InputError where it is not positive."""
+    return fields.number("speed_factor", "", 1.0, positive=True)
 
 
 def read_posture(fields: Fields, key: str) -> Posture:

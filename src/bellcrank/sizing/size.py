@@ -94,7 +94,8 @@ def size(
         conditions=config.conditions,
     )
     warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
-    return replace(sizing, robot=config.name, warnings=warnings, undetermined=(*sizing.undetermined, *omitted))
+    undetermined = (*sizing.undetermined, *omitted)
+    return replace(sizing, robot=config.name, config=config, warnings=warnings, undetermined=undetermined)
 
 
 def _transmission_notes(config: RobotConfig) -> list[str]:
