@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Self
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture, speed_factor
+from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 from bellcrank.motion.path_entries import CircleEntry, LineEntry
 from bellcrank.motion.point_to_point_entry import PointToPointEntry
 from bellcrank.motion.tool_path_entry import ToolPathEntry
@@ -187,7 +187,7 @@ def read_motion_entry(name: str, fields: Fields) -> MotionEntry:
     if isinstance(kind, str) and (meant := OTHER_WORDS.get(kind)):
         raise fields.error("kind", f"unknown kind '{kind}'; did you mean '{meant}'? (expected: {', '.join(KINDS)})")
     entry = KINDS[fields.choice("kind", tuple(KINDS))].read(name, fields)
-    speed_factor(fields)
+    assert entry.speed_factor > 0.0  # checked now, so that the key is read
     fields.done()
     return entry
 

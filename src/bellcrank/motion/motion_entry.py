@@ -38,6 +38,11 @@ class MotionEntry(ABC):
         """The postures that the entry names; none where it moves a frame, or holds other motions."""
         return ()
 
+    @property
+    def speed_factor(self) -> float:
+        """The factor on all speeds of the motion, which keeps its path. InputError where it is not positive."""
+        return self.fields.number("speed_factor", "", 1.0, positive=True)
+
     @abstractmethod
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`; errors need not name the configuration."""
@@ -49,17 +54,11 @@ class MotionEntry(ABC):
         """
         try:
             made = self.motion(robot, entries, previous)
-            factor = speed_factor(self.fields)
-            return made if factor == 1.0 else stretched(made, 1.0 / factor)
+            return made if self.speed_factor == 1.0 else stretched(made, 1.0 / self.speed_factor)
         except BellcrankError as error:
             if str(error).startswith(self.fields.where):
                 raise
             raise type(error)(f"{self.fields.error('', str(error))}") from None
-
-
-def speed_factor(fields: Fields) -> float:
-    """The factor on all speeds of a motion, which keeps its path; InputError where it is not positive."""
-    return fields.number("speed_factor", "", 1.0, positive=True)
 
 
 def read_posture(fields: Fields, key: str) -> Posture:

@@ -95,7 +95,8 @@ def size(
     )
     warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
     undetermined = (*sizing.undetermined, *omitted)
-    return replace(sizing, robot=config.name, config=config, warnings=warnings, undetermined=undetermined)
+    own = config if given is None else None  # else its file names other actuators
+    return replace(sizing, robot=config.name, config=own, warnings=warnings, undetermined=undetermined)
 
 
 def _transmission_notes(config: RobotConfig) -> list[str]:
