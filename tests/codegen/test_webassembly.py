@@ -16,8 +16,9 @@ SCRIPT = """async ({ code, rows, sizes }) => {
   const bytes = Uint8Array.from(atob(code), (letter) => letter.charCodeAt(0));
   const memory = new WebAssembly.Memory({ initial: 64 });
   const stack = new WebAssembly.Global({ value: "i32", mutable: true }, 1 << 21);
-  const { instance } = await WebAssembly.instantiate(bytes, { env: { ...Object.fromEntries(
-    Object.getOwnPropertyNames(Math).map((name) => [name, Math[name]])), __linear_memory: memory, __stack_pointer: stack } });
+  const library = Object.fromEntries(Object.getOwnPropertyNames(Math).map((name) => [name, Math[name]]));
+  const env = { ...library, __linear_memory: memory, __stack_pointer: stack };
+  const { instance } = await WebAssembly.instantiate(bytes, { env });
   const [addresses, numbers] = [new Uint32Array(memory.buffer), new Float64Array(memory.buffer)];
   const begin = 1 << 21;
   let place = begin + 1024;

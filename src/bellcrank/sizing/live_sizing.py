@@ -17,7 +17,7 @@ principle of virtual power (dynamics/motor_shares.py); the torques at the motors
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -337,7 +337,7 @@ def _of_ratings(actuator: Actuator) -> bool:
 
 
 def _torques(
-    mechanism: Mechanism, actuated: Sequence[str], settings: _Settings, p: casadi.SX, states: tuple[casadi.SX, ...]
+    mechanism: Mechanism, actuated: Collection[str], settings: _Settings, p: casadi.SX, states: tuple[casadi.SX, ...]
 ) -> casadi.SX | None:
     """The torques at the motors' joints, without the rotors of those joints that have an actuator; None where they
     depend on time.

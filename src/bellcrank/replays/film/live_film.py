@@ -56,7 +56,7 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
         "settings": [_finite(asdict(one)) for one in live.settings],
         "sizes": live.sizes,
         "modules": [len(live.sample), len(live.verdict)],
-        "motions": [_motion(motion, *rest) for motion, *rest in zip(motions, starts, live.speeds, pieces, strict=True)],
+        "motions": [_motion(motion, starts[k], live.speeds[k], pieces[k]) for k, motion in enumerate(motions)],
         "joints": [_joint(joint) for joint in sizing.joints],
         "all_joints": [joint.name for joint in sizing.inputs.mechanism.robot.joints],
         "uses": [[[joint.name for joint in sizing.joints].index(use.joint), use.name, use.place] for use in live.uses],

@@ -61,6 +61,7 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
     arrows: film.arrows.map(({ time }) => copy(time)),
     charts: charts.charts.map(({ chart }) => ({ time: copy(chart.time), columns: chart.lines.map(({ values }) => Float64Array.from(values)) })),
     xy: film.xy_plots.map(({ limits }) => limits.map((limit) => ({ ...limit }))),
+    titles: charts.plots.filter(({ data }) => data).map(({ title }) => title.textContent),
     facts: [...byId("facts").children], bad: byId("facts").classList.contains("bad"),
   };
   const planes = charts.plots.filter(({ data }) => data);
@@ -78,7 +79,11 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
     charts.range.splice(0, 2, times.at(charts.storedRange[0]), times.at(charts.storedRange[1]));
     const curves = curvesOf(live, state.result, times);
     charts.charts.forEach((drawn, k) => drawn.replace(...columnsOf(drawn.chart, curves, live, map, original.charts[k])));
-    planes.forEach((plane, joint) => plane.replace(planeOf(live, state.result, curves, joint, original.xy[joint])));
+    planes.forEach((plane, joint) => {
+      plane.replace(planeOf(live, state.result, curves, joint, original.xy[joint]));
+      const ratio = live.settings.findIndex(({ group, name }) => group === "gear ratio" && name === live.joints[joint].name);
+      if (ratio >= 0) plane.title.textContent = original.titles[joint].replace(/ratio [^ ]*$/, `ratio ${formatNumber(state.values[ratio], 6)}`);
+    });
     player.setEnds(film.time[0], film.time.at(-1));
     charts.showAll();
     const events = panel.querySelector(".events");

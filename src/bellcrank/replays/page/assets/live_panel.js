@@ -8,7 +8,7 @@ function makeLivePanel(panel, state) {
   for (const kind of ["keydown", "click"]) section.addEventListener(kind, (event) => event.stopPropagation());
   const agrees = state.agreement <= AGREES;
   const badge = element("button", { className: "badge", ariaExpanded: "false",
-    textContent: agrees ? `recomputed here: agrees to ${state.agreement.toExponential(0).replace("e", "e").replace("+", "")}` : "replays only" });
+    textContent: agrees ? `recomputed here: agrees to ${state.agreement.toExponential(0)}` : "replays only" });
   const details = element("p", { className: "about", hidden: true, textContent: agrees
     ? `On opening, this page computed the sizing again: peak and RMS torques, speeds and shares of limits differ from those of bellcrank by at most ${state.agreement.toExponential(1)}. Not recomputed: ${live.not_recomputed.join(", ")}.`
     : `On opening, this page computed the sizing again, and its figures differ from those of bellcrank by ${state.agreement.toExponential(1)}. Therefore it only replays.` });
@@ -29,11 +29,11 @@ function makeLivePanel(panel, state) {
     element("details", { open: /^payload|^speed/.test(group) || number === 0 }, element("summary", { textContent: group }),
       ...fields.filter(({ setting }) => setting.group === group).map(({ row }) => row))));
   const rows = live.joints.map(({ name }) => ({ name, cells: [0, 1, 2, 3, 4].map(() => element("td", {})), use: element("td", { className: "use" }) }));
-  const table = element("table", {}, element("thead", {}, element("tr", {}, ...["joint", "peak", "RMS", "speed", "motor peak", "motor RMS", "largest share of a limit"]
+  const table = element("table", {}, element("thead", {}, element("tr", {}, ...["joint", "largest share of a limit", "peak", "RMS", "speed", "motor peak", "motor RMS"]
     .map((textContent) => element("th", { textContent })))), element("tbody", {}, ...rows.map(({ name, cells, use }) =>
-    element("tr", {}, element("th", { className: "name", textContent: name, title: name }), ...cells, use))));
+    element("tr", {}, element("th", { className: "name", textContent: name, title: name }), use, ...cells))));
   section.append(verdict, message, groups, element("div", { className: "wide" }, table));
-  section.append(element("p", { className: "about", textContent: "Torques of motors contain the safety factor." }));
+  section.append(element("p", { className: "about", textContent: "Torques of motors contain the safety factor. While values are changed, the arrows of torques in the view are hidden, because they are those of the sizing." }));
 
   const bar = makeChangeBar(state, fields);
   const show = () => {
@@ -50,7 +50,9 @@ function makeLivePanel(panel, state) {
       const units = [unit, unit, speed, "N m", "N m"];
       cells.forEach((cell, kind) => {
         const known = kind < 3 || (motor && live.joints[joint].computed);
-        cell.textContent = known ? `${formatNumber(figures[kind * rows.length + joint])} ${units[kind]}` : motor ? "not recomputed" : "–";
+        const own = figures.slice(kind * rows.length, (kind + 1) * rows.length);
+        const value = own[joint] < NOISE * largest(own) ? 0 : own[joint];
+        cell.textContent = known ? `${formatNumber(value)} ${units[kind]}` : motor ? "not recomputed" : "–";
       });
       const largestOf = largestUse(state, joint);
       use.replaceChildren(...useBar(largestOf));

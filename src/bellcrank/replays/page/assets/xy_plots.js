@@ -59,6 +59,7 @@ function makeXYPlot(panel, data, shared) {
   return {
     plot,
     data,
+    title: box.querySelector("b"),
     follow,
     /** Another curve and other limits of the same names. */
     replace(curve) {
