@@ -361,7 +361,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "over": motion, "trace": ["tip"],
-                               "detail": "reduced", "title": None, "plots": False, "trust": []}),
+                               "detail": "reduced", "title": None, "plots": False, "live": None, "trust": []}),
         "show": (bc.show, {"source": motion, "robot": robot, "trace": ["tip"], "detail": "reduced", "title": None,
                            "plots": False, "trust": []}),
         "report": (bc.report, {"source": swept, "path": "report.html", "over": None, "trace": ["P1"],

@@ -34,6 +34,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--full-meshes", action="store_true", help="do not simplify the meshes")
     parser.add_argument("--no-plots", action="store_true", help="leave the plots out of the page")
+    computes = parser.add_mutually_exclusive_group()
+    computes.add_argument(
+        "--live",
+        action="store_const",
+        const=True,
+        dest="live",
+        help="the page of a sizing computes: change payload, speed, ratio and friction in it (default: where it adds "
+        "less than 400 kB)",
+    )
+    computes.add_argument("--static", action="store_const", const=False, dest="live", help="the page only replays")
     parser.add_argument("--open", action="store_true", help="open the page in the web browser")
     films = parser.add_argument_group(
         "stills and films", "rendered by headless Chromium; the page itself is written only with --out or --open"
@@ -68,7 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_rendering_tools(pictures)
     result = compute_or_load(arguments)
     detail: Detail = "full" if arguments.full_meshes else "reduced"
-    film = film_of(result, trace=arguments.trace, detail=detail)
+    computes = arguments.live if wanted and arguments.other is None and not arguments.no_plots else False
+    film = film_of(result, trace=arguments.trace, detail=detail, live=computes)
     verdicts, around, first = [verdict_of(result)], NOTHING, arguments.run
     if arguments.other is not None:
         arguments.run = arguments.other

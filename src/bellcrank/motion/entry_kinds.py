@@ -187,6 +187,7 @@ def read_motion_entry(name: str, fields: Fields) -> MotionEntry:
     if isinstance(kind, str) and (meant := OTHER_WORDS.get(kind)):
         raise fields.error("kind", f"unknown kind '{kind}'; did you mean '{meant}'? (expected: {', '.join(KINDS)})")
     entry = KINDS[fields.choice("kind", tuple(KINDS))].read(name, fields)
+    assert entry.speed_factor > 0.0  # checked now, so that the key is read
     fields.done()
     return entry
 

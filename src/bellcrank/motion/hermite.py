@@ -37,17 +37,25 @@ def quintic(
     s = (at - knots[k])[:, None] / h
     v0, a0 = h * first[k], h * h * second[k]
     v1, a1 = h * first[k + 1], h * h * second[k + 1]
-    d = value[k + 1] - value[k]
-    c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-    c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-    c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
-    p = value[k] + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-    pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
-    pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    p, pd, pdd = quintic_polynomial(s, value[k], value[k + 1] - value[k], (v0, a0), (v1, a1))
     short = _too_short(knots[k], h, (value[k], value[k + 1]), (first[k], first[k + 1]), (second[k], second[k + 1]))
     slope, bend = (f[k] + s * (f[k + 1] - f[k]) for f in (first, second))
     square = np.where(short, 1.0, h * h)
     return np.asarray(p), np.where(short, slope, pd / h), np.where(short, bend, pdd / square)
+
+
+def quintic_polynomial(s: Any, value: Any, d: Any, begin: Any, end: Any) -> tuple[Any, Any, Any]:
+    """The quintic that rises by d from `value` over 0 <= s <= 1, and its derivatives by s, of numbers, arrays or
+    expressions; `begin` and `end` are its first and second derivatives there.
+    """
+    (v0, a0), (v1, a1) = begin, end
+    c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+    c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
+    p = value + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+    pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
+    pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    return p, pd, pdd
 
 
 def _too_short(knot: Array, h: Array, value: Ends, first: Ends, second: Ends) -> NDArray[np.bool_]:

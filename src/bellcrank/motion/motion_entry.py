@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.messages import format_value
+from bellcrank.motion.stretching import stretched
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -37,6 +38,11 @@ class MotionEntry(ABC):
         """The postures that the entry names; none where it moves a frame, or holds other motions."""
         return ()
 
+    @property
+    def speed_factor(self) -> float:
+        """The factor on all speeds of the motion, which keeps its path. InputError where it is not positive."""
+        return self.fields.number("speed_factor", "", 1.0, positive=True)
+
     @abstractmethod
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`; errors need not name the configuration."""
@@ -47,7 +53,8 @@ class MotionEntry(ABC):
         `entries` are the configuration's motions. Raises BellcrankError naming the place in the configuration.
         """
         try:
-            return self.motion(robot, entries, previous)
+            made = self.motion(robot, entries, previous)
+            return made if self.speed_factor == 1.0 else stretched(made, 1.0 / self.speed_factor)
         except BellcrankError as error:
             if str(error).startswith(self.fields.where):
                 raise

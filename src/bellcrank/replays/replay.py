@@ -59,6 +59,7 @@ def replay(
     detail: Detail = "reduced",
     title: str | None = None,
     plots: bool = True,
+    live: bool | None = None,
     trust: Trust = (),
 ) -> Path | NotebookPage:
     """Write one HTML page that plays a run, motion, sizing or selection, and needs no server, network or other file.
@@ -79,6 +80,8 @@ def replay(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
+        live: Whether the page of a sizing computes: its reader changes payloads, speeds, ratios and friction, and sees
+            torques, margins and the verdict. Default: where the page can, and grows by less than 400 kB.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -102,7 +105,10 @@ def replay(
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
     arguments.flag("plots", plots)
-    film = film_of(loaded, robot, trace=trace, detail=detail, title=title)
+    if live is not None:
+        arguments.flag("live", live)
+    computes = live if over is None and plots else False
+    film = film_of(loaded, robot, trace=trace, detail=detail, title=title, live=computes)
     if over is not None:
         other = film_of(load_source(over, trust=trust, name="over"), robot, trace=trace, detail=detail)
         film = film_over(film, other, title)
@@ -167,8 +173,10 @@ def film_of(
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
+    live: bool | None = False,
 ) -> Film:
-    """The film of a run, motion (of `robot`), sizing or selection, with a progress bar beyond a second.
+    """The film of a run, motion (of `robot`), sizing or selection, with a progress bar beyond a second. `live` is as in
+    `replay`.
 
     Raises InputError for an invalid argument, and for a motion without a robot.
     """
@@ -187,7 +195,7 @@ def film_of(
     with share_bar("film") as progress:
         options: dict[str, Any] = {"trace": trace, "detail": detail, "title": title, "progress": progress}
         if isinstance(source, Sizing):
-            return film_of_sizing(source, **options)
+            return film_of_sizing(source, **options, live=live)
         if isinstance(source, Selection):
             return film_of_selection(source, **options)
         if isinstance(source, FastestMotion):

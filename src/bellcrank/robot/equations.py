@@ -81,15 +81,19 @@ class Equations:
 
         v is the velocity of a joint of one degree of freedom, or the angular velocity of a spherical joint.
         """
+        return self.friction_of(v, self.viscous, self.coulomb)
+
+    def friction_of(self, v: casadi.SX, viscous: Array | casadi.SX, coulomb: Array | casadi.SX) -> casadi.SX:
+        """The same with other coefficients (nv,), which may be symbols."""
         import casadi
 
         friction = casadi.SX.zeros(v.size1(), 1)
         for part in self._velocities():
-            if self.viscous[part.start]:
-                friction[part] += self.viscous[part.start] * v[part]
-            if self.coulomb[part.start]:
+            if _is_there(viscous[part.start]):
+                friction[part] += viscous[part.start] * v[part]
+            if _is_there(coulomb[part.start]):
                 speed = casadi.sqrt(casadi.sumsqr(v[part]) + self.width**2)
-                friction[part] += self.coulomb[part.start] * v[part] / speed
+                friction[part] += coulomb[part.start] * v[part] / speed
         return friction
 
     def _velocities(self) -> list[slice]:
@@ -152,6 +156,11 @@ class Equations:
 
     def _traced(self, tree: Tree, settings: Iterable[tuple[int, int, int]] = (), parameters: int = 0) -> Any:
         return trace_tree(tree, tuple(float(x) for x in self.gravity), list(settings), parameters)
+
+
+def _is_there(coefficient: Any) -> bool:
+    """Whether a coefficient is a symbol, or a number other than 0."""
+    return not isinstance(coefficient, (int, float)) or coefficient != 0.0
 
 
 def _shares(f: casadi.Function, q: casadi.SX, v: casadi.SX, a: casadi.SX, p: casadi.SX) -> casadi.SX:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
+    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.joint_histories import MotionHistory
     from bellcrank.sizing.sensitivities import SizingSensitivity
 
@@ -56,6 +57,7 @@ class Sizing(Portable, WithNotes):
         gravity: Gravity in the world frame, m/s².
         payloads: (mass in kg, frame) of each payload.
         inputs: The mechanism, motions and actuators that were sized; None where the sizing does not hold them.
+        config: The robot configuration that was sized; None where there is none.
         forces: The elements of the scene whose forces are included.
         parameters: (name, value, unit) of the scene's parameters.
         unsizable: A sentence for each motor that moves no mass, and so cannot be sized.
@@ -87,6 +89,7 @@ class Sizing(Portable, WithNotes):
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
     inputs: SizingInputs | None = field(default=None, repr=False, compare=False)
+    config: RobotConfig | None = field(default=None, repr=False, compare=False)
     forces: tuple[AppliedForce, ...] = ()
     parameters: tuple[tuple[str, float, str], ...] = ()
     unsizable: tuple[str, ...] = ()

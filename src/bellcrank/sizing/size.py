@@ -94,7 +94,9 @@ def size(
         conditions=config.conditions,
     )
     warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
-    return replace(sizing, robot=config.name, warnings=warnings, undetermined=(*sizing.undetermined, *omitted))
+    undetermined = (*sizing.undetermined, *omitted)
+    own = config if given is None else None  # else its file names other actuators
+    return replace(sizing, robot=config.name, config=own, warnings=warnings, undetermined=undetermined)
 
 
 def _transmission_notes(config: RobotConfig) -> list[str]:

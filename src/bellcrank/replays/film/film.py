@@ -7,6 +7,7 @@ is seven numbers: position x y z and unit quaternion x y z w.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 from bellcrank.motion.resampling import SHARE
 from bellcrank.replays.geometry.shapes import Body, Triple
+
+if TYPE_CHECKING:
+    from bellcrank.replays.film.live_film import LiveFilm
 
 Array = NDArray[np.float64]
 
@@ -168,7 +172,7 @@ class Film:
     Between frames positions are interpolated linearly and orientations at a constant rate; no point of a body is off by
     more than `error_bound` (m) from the smooth curve through the known rows. `facts` are (name, value) for the header,
     the result first, and `success` says whether that result is good. `notes` say what to know about the picture, such
-    as simplified meshes.
+    as simplified meshes. `live` is what the page computes.
     """
 
     title: str
@@ -191,6 +195,7 @@ class Film:
     facts: tuple[tuple[str, str], ...] = ()
     success: bool = True
     notes: tuple[str, ...] = ()
+    live: LiveFilm | None = None
 
 
 def check_film(film: Film) -> None:

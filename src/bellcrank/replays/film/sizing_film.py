@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import zlib
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError
 from bellcrank.replays.film.film import Film, TimelineEvent
+from bellcrank.replays.film.live_film import LiveFilm, live_film
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.sizing.drive_verdicts import kept
 from bellcrank.sizing.tables import verdict
+
+MOST_BYTES = 400_000  # that computing adds to a page without being asked for
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing, Peak
@@ -26,10 +30,12 @@ def film_of_sizing(
     detail: Detail = "reduced",
     title: str | None = None,
     progress: Progress = None,
+    live: bool | None = None,
 ) -> Film:
     """The film of a sizing: its motions in sequence, torques, torque-speed plots, and events at exceeded limits.
 
-    Raises InputError for an unknown frame, and for a sizing without its motions.
+    With `live` the page computes the sizing again; None: where it can, and adds less than MOST_BYTES by that. Raises
+    InputError for an unknown frame, and for a sizing without its motions.
     """
     if sizing.inputs is None:
         raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
@@ -42,14 +48,29 @@ def film_of_sizing(
         facts.append(("robot", sizing.robot))
     stated = {text for _, text in facts}
     film = film_of_motions(sequence, name, trace, detail, progress)
+    computed, why = _live(sizing, sequence.starts, live)
     return replace(
         film,
         events=tuple(sorted([*film.events, *_limit_events(sizing, sequence)], key=lambda event: event.time)),
         xy_plots=with_rms_points(film.xy_plots, sizing.joints),
         facts=(*facts, *film.facts),
         success=sizing.inside,
-        notes=(*film.notes, *(text for text in sizing.warnings if text not in stated)),
+        notes=(*film.notes, *(text for text in sizing.warnings if text not in stated), *why),
+        live=computed,
     )
+
+
+def _live(sizing: Sizing, starts: Sequence[float], wanted: bool | None) -> tuple[LiveFilm | None, tuple[str, ...]]:
+    """What the page computes, and notes where it could be expected to compute and does not."""
+    if wanted is False:
+        return None, ()
+    found = live_film(sizing, starts)
+    if isinstance(found, str):
+        return None, (f"this page replays the sizing and does not compute it again: {found}",)
+    size = len(zlib.compress(b"".join(found.blocks))) * 4 // 3
+    if wanted is None and size > MOST_BYTES:
+        return None, (f"this page replays the sizing and does not compute it again, which takes {size / 1e6:.1f} MB",)
+    return found, ()
 
 
 def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:

@@ -62,6 +62,7 @@ def encode_film(film: Film, *, plots: bool = True) -> tuple[str, str]:
         "limits": [asdict(limit) for limit in film.limits],
         "charts": [_chart(arrays, c) for c in film.charts] if plots else [],
         "xy_plots": [_xy_plot(arrays, p) for p in film.xy_plots] if plots else [],
+        "live": film.live.content if film.live is not None and plots else None,
     }
     return safe_json(content), arrays.text()
 

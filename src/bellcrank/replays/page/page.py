@@ -24,6 +24,8 @@ SCRIPTS = (  # in the order in which they stand in the page
     "decode.js", "formatting.js", "lines.js", "geometries.js", "arrows.js", "animation.js", "camera_follow.js",
     "view.js", "player.js", "chart_scales.js", "charts.js", "xy_plots.js", "main.js", "report.js",
 )  # fmt: skip
+LIVE_SCRIPTS = ("live_functions.js", "live_motion.js", "live_state.js", "live_panel.js", "live_page.js")
+LIVE_POLICY = " 'wasm-unsafe-eval'"  # WebAssembly may be compiled; no text becomes a script
 _PLACEHOLDER = re.compile(r"\{\{(\w+)\}\}")
 
 
@@ -63,13 +65,14 @@ def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING)
         InputError: The parts of the film do not fit together, or are not finite.
     """
     film_json, arrays = encode_film(film, plots=plots)
-    library, hashes = _library(plots, around.scripts)
+    live = film.live if plots else None
+    library, hashes = _library(plots, live is not None, around.scripts)
     report = bool(around.before or around.after)
     loader = _asset("loader.js")
     scripts = " ".join(f"'sha256-{each}'" for each in (*hashes, _hash(loader)))
     policy = (
-        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
-        "base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src {scripts}{LIVE_POLICY if live else ''}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
     parts = {
         "policy": policy,
@@ -78,10 +81,12 @@ def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING)
         "style": _asset("uplot/uPlot.min.css")
         + _asset("page.css")
         + (_asset("report.css") if report else "")
+        + (_asset("live.css") if live else "")
         + around.style,
         "film": film_json,
         "arrays": arrays,
         "library": library,
+        "live": "" if live is None else deflate_base64(b"".join(live.blocks)),
         "script": loader,
         "kind": "report" if report else "",
         "before": around.before,
@@ -114,7 +119,7 @@ def write_page(film: Film, path: str | Path, *, plots: bool = True, around: Surr
 
 
 @functools.cache
-def _library(plots: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+def _library(plots: bool, live: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     """All scripts but the loader, and their licences, as one deflated text; and the scripts' hashes for the policy.
 
     The page adds the scripts to itself unchanged, so that the hashes allow them; deflated they are a third as large.
@@ -124,7 +129,11 @@ def _library(plots: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     if plots:
         scripts.append(_asset("uplot/uPlot.iife.min.js"))
         licences.append(("uPlot 1.6.32", _asset("uplot/LICENSE")))
-    scripts.append('"use strict";(() => {' + "".join((*map(_asset, SCRIPTS), "{\n", *more, "}\n")) + "})();")
+    scripts.append(
+        '"use strict";(() => {'
+        + "".join((*map(_asset, (*SCRIPTS[:-2], *(LIVE_SCRIPTS if live else ()), *SCRIPTS[-2:])), "{\n", *more, "}\n"))
+        + "})();"
+    )
     text = "\n\n".join(f"==== {name}\n\n{licence.strip()}" for name, licence in licences)
     content = json.dumps({"scripts": scripts, "licences": text})
     return deflate_base64(content.encode("utf-8")), tuple(_hash(script) for script in scripts)

@@ -106,7 +106,9 @@ def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Sh
     columns = [joint.v for joint in mechanism.motors]
 
     def squared(t: Array, q: Array, v: Array, a: Array) -> Array:
-        return np.hstack([torque(t, q, v, a), v[:, columns], a[:, columns]])
+        load, speed, rate = torque(t, q, v, a), v[:, columns], a[:, columns]
+        at_shaft = [] if shafts is None else [shafts(load, speed, rate)["shaft"]]
+        return np.hstack([load, speed, rate, *at_shaft])
 
     def largest(t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         load, speed = torque(t, q, v, a), v[:, columns]

@@ -72,6 +72,7 @@ async function makePanel(panel, film, player, yieldToBrowser) {
       plot.redraw(false, true);
     }
   });
+  return { charts, plots, range, storedRange: [...range], showAll: () => zoomTo(range), follow: () => follow(player.time) };
 }
 
 function timeRange({ time, charts }) {
@@ -184,6 +185,14 @@ function makeChart(panel, before, chart, shared) {
   box.append(collapsedLegend(outputs.map(({ button }) => button)));
   return {
     plot,
+    chart,
+    box,
+    /** Other times, and other values of each line there. */
+    replace(time, columns) {
+      chart.time = time;
+      lines.forEach((line, k) => Object.assign(line, { time, samples: columns[k], raw: columns[k], values: withGaps(columns[k]) }));
+      plot.setData([time, ...lines.map(({ values }) => values)], false);
+    },
     resize: () => plot.setSize({ width: widthOf(panel), height: HEIGHT }),
     recolour: () => {
       Object.assign(style, axisStyle());

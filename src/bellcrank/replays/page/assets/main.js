@@ -115,7 +115,8 @@ async function open(licences) {
   Object.defineProperties(window.bellcrank, Object.getOwnPropertyDescriptors(makeFacade(film, view, player, set)));
   const yieldToBrowser = () => new Promise((resolve) => { setTimeout(resolve); });
   await yieldToBrowser();
-  if (!panel.hidden) await makePanel(panel, film, player, yieldToBrowser);
+  const charts = panel.hidden ? null : await makePanel(panel, film, player, yieldToBrowser);
+  if (film.live && charts) await makeLive({ film, player, view, set, panel, charts });
   if (options.get("play") === "1" && !reducedMotion.matches) player.play();
 }
 

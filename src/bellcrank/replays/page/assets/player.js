@@ -5,23 +5,33 @@ const LONGEST_STEP = 0.1;  // s of wall-clock time: a tab that was hidden does n
 
 /** The film's time, and playing it; listeners are called with each new time. */
 function makePlayer(film) {
-  const [start, end] = [film.time[0], film.time[film.time.length - 1]];
   const listeners = [];
+  const ends = [];
   const frameTimes = [];
   let before = null;  // time stamp of the last frame
   let held = 0;
   const player = {
-    start, end, time: start, playing: false, speed: 1, loop: false, frameTimes,
+    start: film.time[0], end: film.time.at(-1), time: film.time[0], playing: false, speed: 1, loop: false, frameTimes,
     listen(listener) { listeners.push(listener); },
+    /** Call a function now, and whenever the film lasts longer or shorter. */
+    onEnds(listener) {
+      ends.push(listener);
+      listener();
+    },
+    setEnds(start, end) {
+      Object.assign(player, { start, end });
+      for (const listener of ends) listener();
+      player.seek(player.time);
+    },
     notify() { for (const listener of listeners) listener(player.time); },
     seek(t) {
       if (!Number.isFinite(t)) return;
-      player.time = Math.min(Math.max(t, start), end);
+      player.time = Math.min(Math.max(t, player.start), player.end);
       player.notify();
     },
     play() {
-      if (player.playing || start === end) return;
-      if (player.time >= end) player.time = start;
+      if (player.playing || player.start === player.end) return;
+      if (player.time >= player.end) player.time = player.start;
       player.playing = true;
       before = null;
       player.notify();
@@ -65,6 +75,7 @@ function makePlayer(film) {
     if (frameTimes.length > 600) frameTimes.shift();
     before = stamp;
     if (!held) {
+      const { start, end } = player;
       let t = player.time + Math.min(passed, LONGEST_STEP) * player.speed;
       if (t >= end) {
         if (player.loop) t = start + (t - end) % (end - start);
@@ -84,11 +95,13 @@ function makeControls(player, film, resetCamera) {
   const still = start === end;
   const digits = end - start < 1 ? 4 : end - start < 100 ? 3 : 2;
   const [scrub, speed, loop, clock, play, tip] = ["scrub", "speed", "loop", "clock", "play", "tip"].map(byId);
-  const total = ` / ${formatNumber(end, 5)} s`;
-  const clockNow = element("span");
-  clock.append(clockNow, element("small", { textContent: total }));
-  clockNow.style.cssText = `display: inline-block; text-align: right; min-width: ${end.toFixed(digits).length}ch`;
-  Object.assign(scrub, { min: start, max: still ? start + 1 : end, value: start, disabled: still });
+  const [clockNow, total] = [element("span"), element("small")];
+  clock.append(clockNow, total);
+  player.onEnds(() => {
+    total.textContent = ` / ${formatNumber(player.end, 5)} s`;
+    clockNow.style.cssText = `display: inline-block; text-align: right; min-width: ${player.end.toFixed(digits).length}ch`;
+    Object.assign(scrub, { min: player.start, max: still ? player.start + 1 : player.end, disabled: still });
+  });
   speed.append(...SPEEDS.map((s) => element("option", { value: s, textContent: `${s}×` })));
   for (const button of [play, byId("back"), byId("forth"), speed, loop]) button.disabled = still;
 
@@ -126,10 +139,9 @@ const activeLimit = (limits, t) => limits.findLast(({ time }) => time <= t + 1e-
 
 /** Marks of events on the time line, their text at the pointer, and a caption: after each event, or the active limit. */
 function makeTimeline(player, { events, limits }, scrub, tip, digits) {
-  const { start, end } = player;
   const canvas = byId("ticks");
   const thumb = 8;  // half the width of the thumb: margin at both ends of the bar
-  const toX = (t) => thumb + (t - start) / (end - start || 1) * (scrub.clientWidth - 2 * thumb);
+  const toX = (t) => thumb + (t - player.start) / (player.end - player.start || 1) * (scrub.clientWidth - 2 * thumb);
   const draw = () => {
     const ratio = devicePixelRatio;
     const [width, height] = [scrub.clientWidth, scrub.clientHeight];
@@ -155,6 +167,7 @@ function makeTimeline(player, { events, limits }, scrub, tip, digits) {
   new ResizeObserver(draw).observe(scrub);
   darkScheme.addEventListener("change", draw);
   scrub.addEventListener("pointermove", ({ offsetX }) => {
+    const { start, end } = player;
     const t = Math.min(Math.max(start + (offsetX - thumb) / (scrub.clientWidth - 2 * thumb) * (end - start), start), end);
     const near = events.filter(({ time }) => Math.abs(toX(time) - offsetX) < 7);
     const first = near.slice(0, 4).map(({ time, text }) => `${time.toFixed(digits)} s  ${text}`);
@@ -164,9 +177,10 @@ function makeTimeline(player, { events, limits }, scrub, tip, digits) {
   });
   for (const away of ["pointerleave", "pointercancel"]) scrub.addEventListener(away, () => { tip.textContent = ""; });
   const caption = byId("caption");
-  const lasting = Math.max(0.05 * (end - start), 1e-9);
   player.listen((t) => {
     draw();
+    const { start, end } = player;
+    const lasting = Math.max(0.05 * (end - start), 1e-9);
     const past = events.filter(({ time }) => time <= t + 1e-9 && t < time + lasting);
     const limit = activeLimit(limits, t)?.text;
     const text = past.length && end > start ? past.at(-1).text : limit ? `limit: ${limit}` : "";

@@ -3,13 +3,14 @@
 /** uPlot draws the axes; the curve and its limits, whose x is not increasing, are drawn here. */
 function makeXYPlot(panel, data, shared) {
   const { player, jumps } = shared;
-  const { x, y, time, limits } = data;
+  let { x, y, time, limits } = data;
   const box = element("section", { className: "chart xy-plot" }, element("header", {}, element("b", { textContent: data.title }),
     ...[toleranceText(data.tolerance, shared.film.tolerance).slice(2)].filter(Boolean).map((text) => element("span", { textContent: text }))));
   panel.append(box);
   jumps.push([data.title, box]);
   const style = axisStyle();
-  const [across, up] = [0, 1].map((k) => paddedRange([k ? y : x, ...limits.map(({ points }) => points.filter((_, i) => i % 2 === k))]));
+  const ranges = () => [0, 1].map((k) => paddedRange([k ? y : x, ...limits.map(({ points }) => points.filter((_, i) => i % 2 === k))]));
+  let [across, up] = ranges();
   const plot = new uPlot({
     width: widthOf(box),
     height: xyPlotHeight(box),
@@ -57,7 +58,15 @@ function makeXYPlot(panel, data, shared) {
   plot.over.addEventListener("pointerleave", () => follow(player.time));
   return {
     plot,
+    data,
+    title: box.querySelector("b"),
     follow,
+    /** Another curve and other limits of the same names. */
+    replace(curve) {
+      ({ x, y, time, limits } = Object.assign(data, curve));
+      [across, up] = ranges();
+      plot.setData([across, [null, null]]);
+    },
     resize: () => plot.setSize({ width: widthOf(box), height: xyPlotHeight(box) }),
     recolour: () => {
       const { grid } = axisStyle();

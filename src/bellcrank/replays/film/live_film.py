@@ -1,0 +1,156 @@
+"""What the page of a sizing needs to compute it again: functions, motions, settings, and the sizing's own figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.files import bundled_data
+from bellcrank.motion.motion import Motion
+from bellcrank.scene.robot_config import RobotConfig
+from bellcrank.sizing.joint_sizing import JointSizing
+from bellcrank.sizing.live_motion import MotionPieces, motion_pieces
+from bellcrank.sizing.live_sizing import EFFORT, FIGURES, VELOCITY, LiveSizing, live_sizing
+from bellcrank.sizing.result import Sizing
+
+Array = NDArray[np.float64]
+NOT_RECOMPUTED = (
+    "holding torques", "bearing forces and tilting moments", "inertia ratios", "powers and energies",
+    "whether the rows of a motion determine its peaks", "notes and warnings",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveFilm:
+    """A sizing that a page computes.
+
+    Attributes:
+        content: What is written as JSON.
+        blocks: The two modules, then the 64-bit numbers of all motions in planes of bytes: times and lengths of the
+            quintics, states at their begin and end column after column, cuts into pieces, states at rest.
+    """
+
+    content: dict[str, Any]
+    blocks: tuple[bytes, ...]
+
+
+def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
+    """The sizing for a page in which its motions begin at times `starts`, s; or a clause that says why not."""
+    live = live_sizing(sizing)
+    if isinstance(live, str):
+        return live
+    assert sizing.inputs is not None
+    motions = sizing.inputs.motions
+    pieces = [motion_pieces(motion) for motion in motions]
+    numbers = [
+        np.concatenate([each.ravel() for each in (one.time, one.length, _columns(one.states), one.cuts, one.rests)])
+        for one in pieces
+    ]
+    content = {
+        "settings": [_finite(asdict(one)) for one in live.settings],
+        "sizes": live.sizes,
+        "modules": [len(live.sample), len(live.verdict)],
+        "motions": [_motion(motion, starts[k], live.speeds[k], pieces[k]) for k, motion in enumerate(motions)],
+        "joints": [_joint(joint) for joint in sizing.joints],
+        "all_joints": [joint.name for joint in sizing.inputs.mechanism.robot.joints],
+        "uses": [[[joint.name for joint in sizing.joints].index(use.joint), use.name, use.place] for use in live.uses],
+        "stored": _stored(sizing, live),
+        "exceeded": [text for joint in sizing.joints for text in joint.exceeded if "position range" in text],
+        "undetermined": [str(text) for text in sizing.undetermined],
+        "system": [one.name for one in sizing.system],
+        "not_recomputed": NOT_RECOMPUTED,
+        "command": _command(sizing),
+    }
+    return LiveFilm(content=content, blocks=(live.sample, live.verdict, _planes(np.concatenate(numbers))))
+
+
+def _columns(states: Array) -> Array:
+    """States (m, 2, 3 n), column after column, which compresses better."""
+    return np.ascontiguousarray(states.reshape(len(states), -1).T)
+
+
+def _planes(numbers: Array) -> bytes:
+    """The first bytes of all numbers, then the second ones, …: exponents change little."""
+    return np.ascontiguousarray(numbers.view(np.uint8).reshape(-1, 8).T).tobytes()
+
+
+def _finite(setting: dict[str, Any]) -> dict[str, Any]:
+    return {key: None if value == -math.inf else value for key, value in setting.items()}
+
+
+def _motion(motion: Motion, start: float, speed: int, pieces: MotionPieces) -> dict[str, Any]:
+    return {
+        "name": motion.name,
+        "start": float(start),
+        "begin": float(motion.time[0]),
+        "duration": motion.duration,
+        "speed": speed,
+        "quintics": len(pieces.time),
+        "pieces": len(pieces.cuts),
+        "rests": len(pieces.rests),
+    }
+
+
+def _joint(joint: JointSizing) -> dict[str, Any]:
+    actuator = None if joint.shaft is None else joint.shaft.actuator
+    return {
+        "name": joint.name,
+        "torque_unit": joint.torque_unit,
+        "speed_unit": joint.speed_unit,
+        "motor": actuator is not None,
+        "at_shaft": actuator is not None and not actuator.unknown_of_torque,
+        "computed": actuator is None or type(actuator) is Actuator or bool(actuator.unknown_of_torque),
+    }
+
+
+def _stored(sizing: Sizing, live: LiveSizing) -> dict[str, Any]:
+    """What `size` and `judge` found: figures (of FIGURES, joint by joint; null where there is none) and uses."""
+    figures: list[list[float | None]] = [[] for _ in FIGURES]
+    for joint in sizing.joints:
+        shaft = joint.shaft
+        at_shaft = shaft is not None and shaft.peak_torque is not None and shaft.rms_torque is not None
+        factor = shaft.actuator.safety_factor if shaft is not None else 1.0
+        figures[0].append(joint.peak_torque)
+        figures[1].append(joint.rms_torque)
+        figures[2].append(joint.peak_speed)
+        figures[3].append(factor * shaft.peak_torque.value if at_shaft and shaft and shaft.peak_torque else None)
+        figures[4].append(factor * shaft.rms_torque if at_shaft and shaft and shaft.rms_torque is not None else None)
+        figures[5].append(None)
+    uses: list[float | None] = []
+    for use in live.uses:
+        if use.place is None:
+            continue
+        joint = sizing.joint(use.joint)
+        margins = {} if joint.shaft is None else joint.shaft.margins
+        margin = {EFFORT: joint.effort_margin, VELOCITY: joint.velocity_margin}.get(use.name, margins.get(use.name))
+        uses.append(None if margin is None else 1.0 - margin)
+    return {"figures": [value for each in figures for value in each], "uses": uses, "inside": sizing.inside}
+
+
+def _command(sizing: Sizing) -> dict[str, Any] | None:
+    """How the sizing is made on the command line; None where it is not."""
+    config = sizing.config
+    if config is None or sizing.inputs is None or sizing.allowed_massless:
+        return None
+    extra = sizing.inputs.mechanism.robot.payloads[len(config.payloads) :]
+    if any(any((*one.cg, *one.inertia)) for one in extra) or not set(sizing.motions) <= set(config.motions):
+        return None
+    options = [f"{one.mass!r}@{one.frame}" for one in extra]
+    return {
+        "robot": _name(config),
+        "motions": [] if list(sizing.motions) == list(config.motions) else list(sizing.motions),
+        "payloads": options,
+        "overrides": [[path, value] for path, value in config.overrides.items()],
+    }
+
+
+def _name(config: RobotConfig) -> str:
+    """The name under which a configuration is found: its own where it is bundled, else that of its file."""
+    bundled = config.source.parent.resolve() == bundled_data.folder("robots").resolve()
+    return config.source.stem if bundled else config.source.name

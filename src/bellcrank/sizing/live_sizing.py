@@ -1,0 +1,452 @@
+"""A sizing as functions of the numbers that a page lets its reader change, compiled to WebAssembly.
+
+Two functions say all that the page computes; it only sums and compares what they return along the motions:
+
+    sample   (begin, end, place, speed, p) -> shown, sizes, rates
+    verdict  (largest sizes, means of rates, p) -> figures, uses, exceeded
+
+`sample` takes a quintic of a motion (live_motion.py); the place in it: the share, how long the quintic lasts, and the
+share at the middle of the piece, where the joints' directions are read; the factor on the motion's speed; and the
+settings p. It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
+principle of virtual power (dynamics/motor_shares.py); the torques at the motors' shafts as
+`actuators.shaft_load.shaft_torque`; and the shares of limits as the criteria of motors that are given by their ratings
+(sizing/selection/motor_criteria.py, peak_curve.py). `verdict` ends these criteria. Tests compare both with
+`bellcrank.size` and `bellcrank.judge`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.continuous_torque import continuous_torque
+from bellcrank.codegen.expression_graph import graph_of
+from bellcrank.codegen.webassembly import webassembly
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
+from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.elements.parameters import Parameter
+from bellcrank.elements.symbols import Symbols
+from bellcrank.motion.hermite import quintic_polynomial
+from bellcrank.robot.traced_tree import ORIGIN, setting
+from bellcrank.sizing.drive_verdicts import pair_of
+from bellcrank.sizing.one_sided import STILL
+from bellcrank.sizing.selection.criteria import TOLERANCE
+from bellcrank.sizing.selection.peak_curve import Sides, convex_sides
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.robot.robot import Robot
+    from bellcrank.sizing.joint_sizing import JointSizing
+    from bellcrank.sizing.result import Sizing
+
+RPM = 30.0 / math.pi
+FIGURES = ("peak torque", "RMS torque", "peak speed", "peak motor torque", "RMS motor torque", "mean motor speed")
+EFFORT, VELOCITY = "URDF effort limit", "URDF velocity limit"
+REACH = 0.3  # m: how far a slider moves the centre of a payload
+FRICTION = 0.3  # of the peak torque: the most friction of a slider
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A number that the reader can change.
+
+    Attributes:
+        group: Under which heading it stands.
+        name: Its name there.
+        unit: Its unit; empty for a factor.
+        value: The value of the sizing.
+        range: The ends of its slider.
+        least: The least value that is accepted, or is not, if `above`.
+        above: Whether the least value itself is refused.
+        path: The path of the override that changes it; empty where there is none.
+        entry: Its place in the list that the path names, or its key in the mapping; empty for a number of its own.
+    """
+
+    group: str
+    name: str
+    unit: str
+    value: float
+    range: tuple[float, float]
+    least: float = 0.0
+    above: bool = False
+    path: str = ""
+    entry: str = ""
+
+
+class Use(NamedTuple):
+    """A limit of one joint: its name, and its place in the uses of `verdict`; None where it is not recomputed."""
+
+    joint: str
+    name: str
+    place: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSizing:
+    """What a page needs to compute a sizing.
+
+    Attributes:
+        settings: What can be changed, in the order of p.
+        speeds: The place in p of the factor on the speed of each motion.
+        uses: The limits of the joints.
+        sample: The function of a sample, as a WebAssembly module.
+        verdict: That of the verdict.
+        sizes: How many numbers both return: shown, sizes, rates, figures, uses.
+    """
+
+    settings: tuple[Setting, ...]
+    speeds: tuple[int, ...]
+    uses: tuple[Use, ...]
+    sample: bytes
+    verdict: bytes
+    sizes: tuple[int, ...]
+
+
+def live_sizing(sizing: Sizing) -> LiveSizing | str:
+    """The functions and settings of a sizing; or a clause that says why a page cannot compute it."""
+    import casadi
+
+    if reason := _obstacle(sizing):
+        return reason
+    assert sizing.inputs is not None
+    mechanism, motions, actuators = sizing.inputs
+    settings = _Settings(sizing)
+    n, k = mechanism.robot.nv, len(mechanism.motors)
+    p, speed = casadi.SX.sym("p", len(settings.all)), casadi.SX.sym("speed")
+    begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 3)))
+    q, v, a = _states(begin, end, place[1], place[0])
+    middle = _states(begin, end, place[1], place[2])[1]
+    v, a = speed * v, speed**2 * a
+    columns = [joint.v for joint in mechanism.motors]
+    torque = _torques(mechanism, actuators.keys(), settings, p, (q, v, a))
+    if torque is None:
+        return "forces of the scene depend on time"
+    side = casadi.if_else(casadi.fabs(middle) <= STILL, 0.0, casadi.sign(middle))
+    shown, sizes = [torque, v, a], [torque, -torque, casadi.fabs(v[columns])]
+    drives = [
+        _drive(joint, settings, p, (torque[i], v[columns[i]], a[columns[i]], side[columns[i]]))
+        for i, joint in enumerate(sizing.joints)
+    ]
+    for name in ("speed", "torque"):
+        shown.append(casadi.vertcat(*(getattr(drive, name) for drive in drives)))
+    sizes += [casadi.vertcat(*(casadi.fabs(drive.torque) for drive in drives))]
+    sizes += [casadi.vertcat(*(drive.curve for drive in drives))]
+    rates = [torque**2, shown[4] ** 2, casadi.fabs(shown[3])]
+    sample = casadi.Function(
+        "sample",
+        [begin, end, place, speed, p],
+        [casadi.densify(casadi.vertcat(*each)) for each in (shown, sizes, rates)],
+    )
+    most, mean = casadi.SX.sym("most", 5 * k), casadi.SX.sym("mean", 3 * k)
+    high, low, fast, shaft, curve = casadi.vertsplit(most, k)
+    rms, shaft_rms = casadi.vertsplit(casadi.sqrt(mean[: 2 * k]), k)
+    figures = casadi.vertsplit(casadi.vertcat(casadi.fmax(high, low), rms, fast, shaft, shaft_rms, mean[2 * k :]), k)
+    uses: list[casadi.SX] = []
+    named: list[Use] = []
+    for i, joint in enumerate(sizing.joints):
+        ratio = settings.symbol(p, "ratio", joint.name, 1.0)
+        shares = _uses(joint, (*(each[i] for each in figures[:5]), curve[i]), ratio)
+        for name, share in shares:
+            named.append(Use(joint.name, name, None if share is None else len(uses)))
+            uses += [] if share is None else [share]
+    every = casadi.vertcat(casadi.SX(0, 1), *uses)
+    results = (casadi.vertcat(*figures), every, every > 1.0 + TOLERANCE)
+    verdict = casadi.Function("verdict", [most, mean, p], [casadi.densify(each) for each in results])
+    return LiveSizing(
+        settings=tuple(settings.all),
+        speeds=tuple(settings.place("speed", motion.name) for motion in motions),
+        uses=tuple(named),
+        sample=_module(sample),
+        verdict=_module(verdict),
+        sizes=(3 * k + 2 * n, 5 * k, 3 * k, 6 * k, len(uses)),
+    )
+
+
+def _obstacle(sizing: Sizing) -> str:
+    """Why a page cannot compute a sizing; empty where nothing of its inputs says so."""
+    if sizing.inputs is None:
+        return "the sizing does not hold its motions"
+    mechanism = sizing.inputs.mechanism
+    robot, scene, config = mechanism.robot, mechanism.equations.scene, sizing.config
+    if robot.floating_base or any(joint.nv != 1 for joint in robot.joints) or robot.nq != robot.nv:
+        return "the robot has joints with several degrees of freedom"
+    if sizing.mass_tolerance:
+        return "the masses have a tolerance"
+    if sizing.motors or (config is not None and config.transmissions):
+        return "the robot has coupled transmissions"
+    if config is not None and config.duty:
+        return "the motors are judged along a duty program"
+    if sizing.unsizable:
+        return "some motors cannot be sized"
+    if scene is not None and scene.signal_sources:
+        return "forces of the scene depend on time"
+    if isinstance(mechanism, Linkage):
+        others = robot.nv - len(mechanism.motors)
+        if mechanism.idle_rotations or len(rows_of(mechanism.kinematics.scene).kept) != others:
+            return "the constraints of the linkage do not determine the other joints by those with motors"
+    return ""
+
+
+def _module(function: casadi.Function) -> bytes:
+    return webassembly(graph_of(function.serialize().encode("latin-1")))
+
+
+def _states(begin: casadi.SX, end: casadi.SX, length: casadi.SX, s: casadi.SX | float) -> list[casadi.SX]:
+    """Position, velocity and acceleration at a share s of a piece of a motion."""
+    import casadi
+
+    (q0, v0, a0), (q1, v1, a1) = (casadi.vertsplit(each, each.size1() // 3) for each in (begin, end))
+    ends = (v0 * length, a0 * length**2), (v1 * length, a1 * length**2)
+    p, pd, pdd = quintic_polynomial(s, q0, q1 - q0, *ends)
+    return [p, pd / length, pdd / length**2]
+
+
+class _Settings:
+    """The settings, and which symbol of p each of them is."""
+
+    def __init__(self, sizing: Sizing) -> None:
+        assert sizing.inputs is not None
+        mechanism, motions, actuators = sizing.inputs
+        self.all: list[Setting] = []
+        self._places: dict[tuple[str, str], int] = {}
+        self.targets: dict[str, int] = {}  # of the robot's tree
+        config, robot = sizing.config, mechanism.robot
+        for number, payload in enumerate(robot.payloads, 1):
+            path = f"payloads.{number}" if config is not None and number <= len(config.payloads) else ""
+            group = f"payload {number} at {payload.frame}" if len(robot.payloads) > 1 else f"payload at {payload.frame}"
+            self._target(
+                f"link.payload {number}.mass",
+                Setting(
+                    group=group,
+                    name="mass",
+                    unit="kg",
+                    value=payload.mass,
+                    range=(0.0, _nice(3.0 * payload.mass)),
+                    above=True,
+                    path=path and f"{path}.mass",
+                ),
+            )
+            for axis, value, entry in zip(ORIGIN[:3], payload.cg, "123", strict=True):
+                self._target(
+                    f"link.payload {number}.cg.{axis}",
+                    Setting(
+                        group=group,
+                        name=f"centre {axis}",
+                        unit="m",
+                        value=value,
+                        range=(value - REACH, value + REACH),
+                        least=-math.inf,
+                        path=path and f"{path}.cg",
+                        entry=entry,
+                    ),
+                )
+        named = set() if config is None else set(config.motions)
+        for motion in motions:
+            path = f"motions.{motion.name}.speed_factor" if motion.name in named else ""
+            stated = 1.0 if not path or config is None else config.motions[motion.name].speed_factor
+            self._add(
+                "speed",
+                motion.name,
+                Setting(
+                    group="speed of motions",
+                    name=motion.name,
+                    unit="",
+                    value=stated,
+                    range=(0.2 * stated, 2.0 * stated),
+                    above=True,
+                    path=path,
+                ),
+            )
+        given = {} if config is None else config.actuators
+        for joint in sizing.joints:
+            if joint.name in actuators and _of_ratings(actuators[joint.name]):
+                path = f"actuators.{joint.name}.ratio" if joint.name in given else ""
+                unit = "rad/m" if joint.kind == "prismatic" else ""
+                ratio = actuators[joint.name].ratio
+                self._add(
+                    "ratio",
+                    joint.name,
+                    Setting(
+                        group="gear ratio",
+                        name=joint.name,
+                        unit=unit,
+                        value=ratio,
+                        range=(0.3 * ratio, 2.0 * ratio),
+                        above=True,
+                        path=path,
+                    ),
+                )
+        for kind, values, units in (
+            ("viscous", robot.viscous, ("N m s/rad", "N s/m")),
+            ("coulomb", robot.coulomb, ("N m", "N")),
+        ):
+            for one in robot.joints:
+                value, sized = float(values[one.v]), next((j for j in sizing.joints if j.name == one.name), None)
+                most = 1.0 if sized is None else FRICTION * sized.peak_torque
+                if sized is not None and kind == "viscous" and sized.peak_speed:
+                    most /= sized.peak_speed
+                self._add(
+                    kind,
+                    one.name,
+                    Setting(
+                        group=f"{kind} friction",
+                        name=one.name,
+                        unit=units[one.kind == "prismatic"],
+                        value=value,
+                        range=(0.0, _nice(max(most, 3.0 * value))),
+                        path="" if config is None else "friction",
+                        entry=f"{one.name}/{kind}",
+                    ),
+                )
+
+    def _add(self, kind: str, name: str, made: Setting) -> None:
+        self._places[kind, name] = len(self.all)
+        self.all.append(made)
+
+    def _target(self, target: str, made: Setting) -> None:
+        self.targets[target] = len(self.all)
+        self.all.append(made)
+
+    def place(self, kind: str, name: str) -> int:
+        """The place of a setting in p."""
+        return self._places[kind, name]
+
+    def symbol(self, p: casadi.SX, kind: str, name: str, otherwise: float) -> casadi.SX | float:
+        """The symbol of a setting; a number where there is none."""
+        place = self._places.get((kind, name))
+        return otherwise if place is None else p[place]
+
+
+def _nice(value: float) -> float:
+    """The least of 1, 2 and 5 times a power of ten that is not below a value."""
+    power = 10.0 ** math.floor(math.log10(value)) if value > 0.0 else 1.0
+    return next(power * step for step in (1.0, 2.0, 5.0, 10.0) if power * step >= value)
+
+
+def _of_ratings(actuator: Actuator) -> bool:
+    """Whether an actuator is given by its ratings, and states what the torque at its shaft needs."""
+    return type(actuator) is Actuator and not actuator.unknown_of_torque
+
+
+def _torques(
+    mechanism: Mechanism, actuated: Collection[str], settings: _Settings, p: casadi.SX, states: tuple[casadi.SX, ...]
+) -> casadi.SX | None:
+    """The torques at the motors' joints, without the rotors of those joints that have an actuator; None where they
+    depend on time.
+    """
+    import casadi
+
+    robot, scene = mechanism.robot, mechanism.equations.scene
+    own = {} if scene is None else scene.parameters
+    varied = {f"varied {place}": _parameter(robot, target) for target, place in settings.targets.items()}
+    symbols = Symbols(robot, {**own, **varied}, () if scene is None else scene.frames)
+    a = casadi.SX.sym("a", robot.nv)
+    rotor = np.array([robot.rotor_inertia[joint.v] if joint.name in actuated else 0.0 for joint in robot.joints])
+    need = symbols.inverse_dynamics(symbols.q, symbols.v, a) - casadi.DM(rotor) * a
+    columns = [joint.v for joint in mechanism.motors]
+    coefficients = [casadi.SX.sym(name, robot.nv) for name in ("viscous", "coulomb")]
+    need += robot.equations.friction_of(symbols.v, *coefficients)
+    for force in mechanism.equations.forces:
+        need -= force.generalised_force(symbols).force
+    if isinstance(mechanism, Linkage):
+        kept = SymbolicRows.unscaled(rows_of(mechanism.kinematics.scene).kept)
+        jacobian = differentiate_constraints(mechanism.kinematics.scene.constraints, kept, symbols).jacobian
+        others = [v for v in range(robot.nv) if v not in columns]
+        held = casadi.solve(casadi.densify(jacobian[:, others]).T, need[others])
+        torque = need[columns] - jacobian[:, columns].T @ held
+    else:
+        torque = need[columns]
+    if casadi.depends_on(torque, symbols.t):
+        return None
+    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, *coefficients]
+    function = casadi.Function("torques", inputs, [torque])
+    values = casadi.vertcat(
+        casadi.SX(0, 1), *(one.value for one in own.values()), *(p[place] for place in settings.targets.values())
+    )
+    friction = [
+        casadi.vertcat(*(p[settings.place(kind, joint.name)] for joint in robot.joints))
+        for kind in ("viscous", "coulomb")
+    ]
+    return function(*states, values, 0.0, *friction)
+
+
+def _parameter(robot: Robot, target: str) -> Parameter:
+    return Parameter(target, 0.0, "", (target,), (setting(robot.equations.tree, target),))
+
+
+class _Drive(NamedTuple):
+    """Speed (rpm) and torque of a motor, the latter times the safety factor, and the share of its curve."""
+
+    speed: casadi.SX
+    torque: casadi.SX
+    curve: casadi.SX
+
+
+def _drive(
+    joint: JointSizing, settings: _Settings, p: casadi.SX, load: tuple[casadi.SX, casadi.SX, casadi.SX, casadi.SX]
+) -> _Drive:
+    """What a motor bears; without one, or where figures of it are unknown, the joint's own speed and torque."""
+    import casadi
+
+    torque, v, a, side = load
+    actuator = None if joint.shaft is None else joint.shaft.actuator
+    if actuator is None or not _of_ratings(actuator):
+        return _Drive(v, torque, casadi.SX(0))
+    ratio, efficiency, inertia = (
+        settings.symbol(p, "ratio", joint.name, 1.0),
+        actuator.efficiency,
+        actuator.shaft_inertia,
+    )
+    assert efficiency is not None and inertia is not None
+    through = casadi.if_else(casadi.sign(torque) * side >= 0.0, 1.0 / (ratio * efficiency), efficiency / ratio)
+    shaft = actuator.safety_factor * (torque * through + inertia * ratio * a)
+    sides, turns, curve = _sides(actuator), casadi.fabs(ratio * v), casadi.SX(0)
+    if sides is not None:
+        for per_torque, per_speed in zip(sides.torque[0], sides.speed[0], strict=True):
+            curve = casadi.fmax(curve, float(per_torque) * casadi.fabs(shaft) + float(per_speed) * turns)
+    return _Drive(RPM * ratio * v, shaft, curve)
+
+
+def _sides(actuator: Actuator) -> Sides | None:
+    """The sides of the region under the torque-speed curve; None where it is unknown or not convex."""
+    if actuator.curve_points is None:
+        return None
+    sides = convex_sides(pair_of(actuator).products.peak_curves(actuator.judged_under))
+    return sides if bool(sides.convex[0]) else None
+
+
+def _uses(
+    joint: JointSizing, found: tuple[casadi.SX, ...], ratio: casadi.SX | float
+) -> list[tuple[str, casadi.SX | None]]:
+    """The shares of the limits of a joint; None of those that are not recomputed."""
+    peak, _, fast, shaft, shaft_rms, curve = found
+    uses: list[tuple[str, casadi.SX | None]] = []
+    if joint.effort_limit is not None:
+        uses.append((EFFORT, peak / joint.effort_limit if joint.effort_limit else None))
+    if joint.velocity_limit is not None:
+        uses.append((VELOCITY, fast / joint.velocity_limit if joint.velocity_limit else None))
+    if joint.shaft is None:
+        return uses
+    actuator, known = joint.shaft.actuator, {}
+    if _of_ratings(actuator):
+        pair = pair_of(actuator)
+        rated = float(continuous_torque(pair.motors, np.zeros(1), actuator.judged_under).torque[0])
+        most, fastest = float(pair.of_motor("peak_torque")[0]), float(pair.of_motor("max_speed")[0])
+        known = {
+            "motor speed": ratio * fast / fastest,
+            "continuous torque": shaft_rms / rated,
+            "peak torque": shaft / most,
+            "peak curve": None if _sides(actuator) is None else curve,
+        }
+        for name, limit in (("motor speed", fastest), ("continuous torque", rated), ("peak torque", most)):
+            if not limit > 0.0:  # unknown, or 0
+                known[name] = None
+    return uses + [(one.name, known.get(one.name)) for one in joint.shaft.judged.judged]

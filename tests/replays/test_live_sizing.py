@@ -1,0 +1,345 @@
+"""The page of a sizing computes: what it says of changed values in a real browser is what Python says of them."""
+
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+import yaml
+
+import bellcrank as bc
+from bellcrank.cli import main
+from bellcrank.config.yaml_file import read_value
+from bellcrank.replays.film.sizing_film import film_of_sizing
+from bellcrank.replays.page.page import page_html, write_page
+from bellcrank.sizing.live_motion import motion_pieces
+from bellcrank.sizing.subject import sizing_subject
+
+pytest_plugins = ("browser",)
+
+# Without the 3-D view, which a processor draws slowly: for tests of numbers.
+NO_VIEW = """
+const context = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  return /webgl/.test(kind) ? null : context.call(this, kind, ...more);
+};
+"""
+TWO_FRAMES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"  # a move is drawn in one
+KINDS = {
+    "payload": lambda rng, value: value * rng.uniform(0.1, 3.0) if value else rng.uniform(-0.2, 0.2),
+    "speed": lambda rng, value: value * rng.uniform(0.3, 1.8),
+    "gear": lambda rng, value: value * rng.uniform(0.4, 2.0),
+    "viscous": lambda rng, value: rng.choice([0.0, rng.uniform(0.0, 3.0)]),
+    "coulomb": lambda rng, value: 0.0 * value,  # see test_coulomb_friction
+}
+
+
+def page_of(sizing, folder):
+    return bc.replay(sizing, folder / "page.html", live=True)
+
+
+def expected(sizing):
+    """Figures and uses in the page's order, and the verdict."""
+    joints = sizing.joints
+    figures = [[j.peak_torque for j in joints], [j.rms_torque for j in joints], [j.peak_speed for j in joints]]
+    uses = []
+    for joint in joints:
+        uses += [1.0 - m for m in (joint.effort_margin, joint.velocity_margin) if m is not None]
+        uses += [] if joint.shaft is None else [1.0 - m for m in joint.shaft.margins.values() if m is not None]
+    if joints[0].shaft is not None:
+        shafts = [j.shaft for j in joints if j.shaft is not None]
+        figures += [[s.actuator.safety_factor * s.peak_torque.value for s in shafts]]
+    return figures, uses, sizing.inside
+
+
+def overrides_of(page):
+    text = page.do("b.live.yaml()")["text"]
+    return {
+        path: read_value(value, path)
+        for path, value in (re.split(r": ", line, maxsplit=1) for line in text.split("\n"))
+    }
+
+
+def random_changes(page, rng, groups=KINDS):
+    settings, values = page.do("[b.live.settings, b.live.values]")
+    candidates = [k for k, one in enumerate(settings) if one["group"].split()[0] in groups]
+    chosen = [k for k in candidates if rng.uniform() < 0.5] or candidates[:1]
+    return [[k, float(groups[settings[k]["group"].split()[0]](rng, values[k]))] for k in chosen]
+
+
+def compare(found, sizing, rms=1e-7):
+    """Figures and uses to 1e-9 of the largest of their kind, the RMS torque of a motor to `rms`: where a load reverses
+    close to an edge of a part, the grids of both miss a bend of the torque at the shaft.
+    """
+    figures, uses, inside = expected(sizing)
+    k = len(sizing.joints)
+    for number, kind in enumerate(figures):
+        np.testing.assert_allclose(
+            found["figures"][number * k : number * k + len(kind)], kind, rtol=1e-9, atol=1e-9 * max(kind)
+        )
+    names = [n for j in sizing.joints for n in _limits(j)]
+    assert len(names) == len(uses) == len(found["uses"])
+    for name, one, use in zip(names, found["uses"], uses, strict=True):
+        assert one == pytest.approx(use, rel=rms if name == "continuous torque" else 1e-9, abs=1e-9), name
+    assert found["good"] is inside
+
+
+def _limits(joint):
+    names = [n for n, m in (("effort", joint.effort_margin), ("velocity", joint.velocity_margin)) if m is not None]
+    return names + ([] if joint.shaft is None else [n for n, m in joint.shaft.margins.items() if m is not None])
+
+
+# ---- without a browser
+
+
+def test_quintics_have_the_states_of_the_motion():
+    for name in ("ur5", "planar_2r", "geared_pendulum"):
+        for motion in sizing_subject(name, None).motions:
+            pieces = motion_pieces(motion)
+            assert pieces.error < 2e-9
+            assert pieces.length.sum() == pytest.approx(motion.duration, rel=1e-12)
+            assert len(pieces.time) < 0.7 * len(motion)
+
+
+def test_page_that_computes_allows_webassembly_and_nothing_else():
+    sizing = bc.size("geared_pendulum")
+    pages = [page_html(film_of_sizing(sizing, live=live)) for live in (True, False)]
+    live, static = (re.search(r'Security-Policy" content="([^"]*)"', page)[1].split("; ") for page in pages)
+    assert "'wasm-unsafe-eval'" in live[1] and "'wasm-unsafe-eval'" not in static[1]
+    assert live[:1] + live[2:] == static[:1] + static[2:]
+    assert 0 < len(pages[0]) - len(pages[1]) < 60_000
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "reason"),
+    [
+        ("delta", {}, "several degrees of freedom"),
+        ("geared_pendulum", {"mass_tolerance": 0.1}, "tolerance"),
+    ],
+)
+def test_page_says_why_it_only_replays(name, options, reason):
+    film = film_of_sizing(bc.size(name, **options))
+    assert film.live is None
+    assert any("replays the sizing" in note and reason in note for note in film.notes)
+
+
+def test_speed_factor_of_a_motion_keeps_the_path():
+    config = bc.load_scene("ur5", overrides={"motions.circle.speed_factor": 2.0})
+    fast, slow = config.motion("circle"), bc.load_scene("ur5").motion("circle")
+    assert fast.duration == pytest.approx(0.5 * slow.duration)
+    np.testing.assert_allclose(fast.position, slow.position)
+    np.testing.assert_allclose(fast.acceleration, 4.0 * slow.acceleration, rtol=1e-12, atol=1e-12)
+
+
+# ---- in a browser
+
+
+@pytest.fixture(scope="module", params=["ur5", "panda", "planar_2r", "five_bar"])
+def live_page(request, open_page, tmp_path_factory):
+    sizing = bc.size(request.param)
+    page = open_page(page_of(sizing, tmp_path_factory.mktemp(request.param)), size=(1280, 800), script=NO_VIEW)
+    return request.param, sizing, page
+
+
+@pytest.mark.tier2
+class TestAgainstPython:
+    def test_stored_figures_are_recomputed(self, live_page):
+        _, sizing, page = live_page
+        page.do("b.live.reset()")
+        assert page.do("b.live.agreement") < 1e-8
+        found = page.do("({ ...b.live.result, good: b.live.verdict.good })")
+        compare(found, sizing)
+        assert page.clean
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_random_values_give_what_python_gives(self, live_page, seed):
+        name, _, page = live_page
+        page.do("b.live.reset()")
+        changes = random_changes(page, np.random.default_rng(seed))
+        assert page.do("b.live.set(x)", changes), page.do("b.live.message")
+        overrides = overrides_of(page)
+        found = page.do("({ ...b.live.result, good: b.live.verdict.good })")
+        compare(found, bc.size(name, overrides=overrides))
+        assert page.clean
+
+    def test_coulomb_friction(self, live_page):
+        name, _, page = live_page
+        page.do("b.live.reset()")
+        changes = random_changes(page, np.random.default_rng(1), {"coulomb": lambda rng, value: rng.uniform(0.1, 2.0)})
+        assert page.do("b.live.set(x)", changes)
+        compare(
+            page.do("({ ...b.live.result, good: b.live.verdict.good })"), bc.size(name, overrides=overrides_of(page))
+        )
+
+
+@pytest.fixture(scope="module")
+def pendulum(open_page, tmp_path_factory):
+    """A function that opens the page of a geared pendulum with a payload."""
+    folder = tmp_path_factory.mktemp("pendulum")
+    path = page_of(bc.size("ur5"), folder)
+
+    def opened(fragment="", script=NO_VIEW, **options):
+        return open_page(path, fragment, size=(1280, 800), script=script, **options)
+
+    opened.path = path
+    return opened
+
+
+@pytest.mark.tier2
+class TestHandling:
+    def test_slider_of_the_payload_changes_curves_and_verdict(self, pendulum):
+        page = pendulum()
+        slider = page.tab.get_by_label("payload at tool0: mass, slider")
+        before = page.do("b.live.result.figures")
+        slider.fill("9")
+        page.do(TWO_FRAMES)
+        assert page.do("b.live.verdict.word") == "Exceeded"
+        assert page.tab.locator(".live-verdict b").inner_text() == "Exceeded"
+        assert page.do("b.live.result.figures")[1] > 1.3 * before[1]
+        assert "3 9 kg" in re.sub(r"\s+", " ", page.tab.locator("#live-bar .chips").inner_text())
+        assert page.tab.locator("#facts").inner_text().startswith("verdict for the changed values")
+        assert page.clean
+
+    def test_speed_changes_the_films_time(self, pendulum):
+        page = pendulum()
+        page.tab.get_by_label("speed of motions: circle", exact=True).fill("0.5")
+        page.tab.keyboard.press("Tab")
+        page.do(TWO_FRAMES)
+        page.do("b.seek(1e9)")
+        assert page.do("b.time") == pytest.approx(6.0 + 6.0 + 1e-3, abs=1e-3)
+        assert "12" in page.tab.locator("#clock").inner_text()
+        page.do("b.live.reset()")
+        page.do("b.seek(1e9)")
+        assert page.do("b.time") == pytest.approx(9.001, abs=1e-3)
+
+    def test_undo_reset_and_chips_go_back(self, pendulum):
+        page = pendulum()
+        stored = page.do("b.live.values")
+        page.do("b.live.set([[0, 5]])"), page.do("b.live.set([[0, 7], [4, 1.1]])")
+        page.tab.get_by_role("button", name="Undo").click()
+        assert page.do("b.live.values")[:5] == [5, *stored[1:5]]
+        page.tab.locator("#live-bar .chips button").first.click()
+        assert page.do("b.live.values") == stored
+        page.do("b.live.set([[0, 5]])")
+        page.tab.get_by_role("button", name="Reset").click()
+        assert page.do("b.live.values") == stored
+
+    def test_address_keeps_the_values(self, pendulum):
+        page = pendulum()
+        page.do("b.live.set([[0, 5.25], [3, 0.1], [6, 90]])")
+        address = page.tab.url
+        again = pendulum("#" + address.partition("#")[2])
+        assert again.do("b.live.values") == page.do("b.live.values")
+        assert again.do("b.live.result") == page.do("b.live.result")
+
+    def test_copied_command_gives_the_same_figures(self, pendulum, tmp_path):
+        page = pendulum()
+        page.do("b.live.set([[0, 5.25], [3, 0.1], [6, 90], [4, 1.3], [14, 0.7]])")
+        words = shlex.split(page.do("b.live.command()")["text"])
+        assert words[:3] == ["bellcrank", "size", "ur5"]
+        code = main([*words[1:], "--no-plots", "--out", str(tmp_path / "out")])
+        written = json.loads((tmp_path / "out" / "sizing.json").read_text())
+        assert (code == 0) is (page.do("b.live.verdict.good"))
+        ends = [
+            (joint["peaks"]["max_torque"]["value"], joint["peaks"]["min_torque"]["value"])
+            for joint in written["joints"]
+        ]
+        peaks = [max(abs(high), abs(low)) for high, low in ends]
+        np.testing.assert_allclose(page.do("b.live.result.figures")[: len(peaks)], peaks, rtol=1e-9)
+        page.tab.get_by_role("button", name="Copy YAML").click()
+        assert yaml.safe_load(page.tab.get_by_label("Text to copy").input_value())["payloads.1.mass"] == 5.25
+
+    @pytest.mark.parametrize(
+        "text", ["abc", "", "NaN", "Infinity", "-1", "0", "1e12", "<img src=x onerror=alert(1)>", "1;2"]
+    )
+    def test_wrong_text_in_a_field_is_said_and_changes_nothing(self, pendulum, text):
+        page = pendulum()
+        page.do("b.live.set([[0, 4]])")
+        field = page.tab.get_by_label("payload at tool0: mass", exact=True)
+        field.fill(text)
+        page.tab.keyboard.press("Tab")
+        message = page.tab.locator(".live-message")
+        message.wait_for(state="visible")
+        assert "payload at tool0, mass" in message.inner_text()
+        assert page.do("b.live.values")[0] == 4 and field.input_value() == "4"
+        assert page.clean
+
+    def test_extremes_are_computed_or_refused(self, pendulum):
+        page = pendulum()
+        count = len(page.do("b.live.values"))
+        for k in {0, 3, 4, 6, 12, count - 1}:
+            for value in (1e9, 5e-324):
+                page.do("b.live.reset()")
+                page.do("b.live.set([[x[0], x[1]]])", [k, value])
+                assert all(np.isfinite(page.do("b.live.result.figures"))), (k, value)
+        assert page.clean
+
+    def test_wrong_addresses_are_said(self, pendulum):
+        page = pendulum("#set=payloads.1.mass=abc&set=nothing=1&set=__proto__=2&set=payloads.1.cg:3=0.2")
+        assert page.do("b.live.values")[3] == 0.2 and page.do("b.live.values")[0] == 3
+        message = page.tab.locator(".live-message").inner_text()
+        assert "abc" in message and "nothing" in message and "__proto__" in message
+        assert page.clean
+
+    def test_page_replays_without_webassembly(self, pendulum):
+        page = pendulum(script=NO_VIEW + "delete window.WebAssembly")
+        assert "no WebAssembly" in page.tab.locator(".live-message").inner_text()
+        assert page.do("b.frames") > 100 and page.clean
+
+    def test_page_whose_figures_do_not_agree_only_replays(self, open_page, tmp_path):
+        text = page_html(film_of_sizing(bc.size("geared_pendulum")))
+        wrong = re.sub(r'("stored":\{"figures":\[)[\d.]+', r"\g<1>12.5", text)
+        path = tmp_path / "wrong.html"
+        path.write_text(wrong)
+        page = open_page(path)
+        assert page.tab.locator("#live-panel .badge").inner_text() == "replays only"
+        assert page.tab.locator("#live-panel input").count() == 0
+
+    @pytest.mark.parametrize("scheme", ["light", "dark"])
+    @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+    def test_controls_fit_the_screen(self, open_page, pendulum, size, scheme):
+        page = open_page(pendulum.path, size=size, color_scheme=scheme)
+        page.do("b.live.set([[0, 8], [4, 1.2]])")
+        inside = page.do(
+            "[...document.querySelectorAll('.field .number, #live-bar button, .live-verdict')]"
+            ".filter((e) => e.offsetParent)"
+            ".every((e) => { const r = e.getBoundingClientRect(); return r.left >= 0 && r.right <= innerWidth; })"
+        )
+        assert inside and page.do("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.tier2
+def test_hostile_names_run_no_script(open_page, tmp_path):
+    """Names of joints, frames and motions are text, on the page, in the address, and in the copied command."""
+    hostile = '<img src=x onerror="window.hacked=1">\';$(touch hacked)`'
+    urdf = f"""<robot name="r"><link name="world"/><link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="{hostile.replace("<", "&lt;").replace('"', "&quot;")}" type="revolute"><parent link="world"/>
+      <child link="arm"/><axis xyz="0 1 0"/><limit effort="50" velocity="9" lower="-3" upper="3"/></joint></robot>"""
+    (tmp_path / "arm.urdf").write_text(urdf)
+    config = {
+        "name": hostile, "urdf": "arm.urdf", "payloads": [{"mass": 1.0, "frame": "arm"}],
+        "motions": {hostile: {"kind": "waypoints", "times": [0, 1], "positions": [{hostile: 0.0}, {hostile: 1.0}]}},
+        "actuators": {hostile: {"ratio": 5, "rated_torque": 1, "peak_torque": 3, "rated_speed": 300, "max_speed": 400}},
+    }  # fmt: skip
+    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(config))
+    sizing = bc.size(tmp_path / "arm.yaml")
+    page = open_page(page_of(sizing, tmp_path))
+    count = len(page.do("b.live.values"))
+    page.do("b.live.set(x)", [[k, 1.5] for k in range(count)])
+    command = page.do("b.live.command()")
+    assert page.do("window.hacked") is None and page.clean
+    assert "error" in command  # its names hold "=", which separates path and value
+
+
+def test_static_pages_are_written_where_asked(tmp_path):
+    sizing = bc.size("geared_pendulum")
+    static = bc.replay(sizing, tmp_path / "static.html", live=False).read_text()
+    over = bc.replay(sizing, tmp_path / "over.html", over=sizing).read_text()
+    assert '"live":null' in static and '"live":null' in over
+    assert main(["replay", "geared_pendulum", "--static", "--out", str(tmp_path / "page.html")]) == 0
+    assert '"live":null' in (tmp_path / "page.html").read_text()
+    assert (
+        write_page(film_of_sizing(sizing), tmp_path / "plain.html", plots=False).read_text().count('"live":null') == 1
+    )
