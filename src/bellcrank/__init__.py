@@ -66,6 +66,8 @@ _HOME = {
     "floquet": "analysis.floquet",
     "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
+    "optimise": "studies.optimisation.optimise",
+    "Optimum": "studies.optimisation.optimum",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
@@ -120,6 +122,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Motor",
     "Mount",
     "NotSavedError",
+    "Optimum",
     "Payload",
     "PreparedRun",
     "PreparedSimulation",
@@ -158,6 +161,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_run",
     "load_scene",
     "mobility",
+    "optimise",
     "plot",
     "point_to_point",
     "prepare",
@@ -243,6 +247,8 @@ if TYPE_CHECKING:
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
     from bellcrank.sizing.verification import SelectionVerification, verify_selection
+    from bellcrank.studies.optimisation.optimise import optimise
+    from bellcrank.studies.optimisation.optimum import Optimum
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices
