@@ -245,15 +245,20 @@ class _MotionLoads:
         for top in tops.tolist():
             loads, at, when = self.loads, int(rows[top]), float(time[top])
             if 0 < top < len(time) - 1:
-                curve = np.polyfit(time[top - 1 : top + 2] - when, size[top - 1 : top + 2], 2)
-                if curve[0] < 0.0:
-                    between = np.array([when - 0.5 * curve[1] / curve[0]])
-                    near, _ = self._at(between, *self.grid.at(self.motion, between))
-                    if abs(near.torque[0, k]) > size[top]:
-                        loads, at, when = near, 0, float(between[0])
-            found.append(
-                TorqueMaximum(self.motion.name, when, float(loads.torque[at, k]), loads.torque_slope[at, :, k])
-            )
+                times, heights, width = time[top - 1 : top + 2], size[top - 1 : top + 2], time[top + 1] - time[top - 1]
+                for spacing in (0.05 * width, 1e-3 * width):  # the error of a parabola falls with its width's square
+                    curve = np.polyfit(times - when, heights, 2)
+                    best = when - 0.5 * curve[1] / curve[0] if curve[0] < 0.0 else np.nan
+                    if not time[top - 1] + spacing < best < time[top + 1] - spacing:
+                        break
+                    times = best + spacing * np.arange(-1.0, 2.0)
+                    near, _ = self._at(times, *self.grid.at(self.motion, times))
+                    heights = np.abs(near.torque[:, k])
+                    if heights[1] < size[top]:
+                        break
+                    loads, at, when = near, 1, float(best)
+            torque, slope = float(loads.torque[at, k]), loads.torque_slope[at, :, k]
+            found.append(TorqueMaximum(self.motion.name, when, torque, slope))
         return found
 
     def rms(self, k: int, j: int) -> float:
