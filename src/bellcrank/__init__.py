@@ -68,6 +68,8 @@ _HOME = {
     "sweep": "studies.sweep",
     "optimise": "studies.optimisation.optimise",
     "Optimum": "studies.optimisation.optimum",
+    "synthesise": "studies.synthesis.synthesise",
+    "Synthesis": "studies.synthesis.synthesis",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
@@ -143,6 +145,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Slopes",
     "SpeedFactor",
     "Sweep",
+    "Synthesis",
     "Trajectory",
     "UnreachableError",
     "__version__",
@@ -180,6 +183,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "sobol_indices",
     "speed_factor",
     "sweep",
+    "synthesise",
     "time_optimal",
     "tool_path",
     "verify_selection",
@@ -254,6 +258,8 @@ if TYPE_CHECKING:
     from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.synthesis.synthesis import Synthesis
+    from bellcrank.studies.synthesis.synthesise import synthesise
 
 
 def __getattr__(name: str) -> Any:

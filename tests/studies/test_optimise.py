@@ -58,6 +58,7 @@ def test_a_limit_with_an_equal_sign_is_kept_and_its_multiplier_is_the_slope_of_t
     assert best.multipliers[best.active_limits[0]] == pytest.approx(slope, rel=1e-3)
 
 
+@pytest.mark.tier2
 def test_a_peak_that_changes_places_ends_where_two_maxima_are_equal() -> None:
     best = balanced()
     assert best.converged and best.residual < 1e-9 and best.gradients == {"shoulder.peak_torque": "exact"}
