@@ -158,10 +158,10 @@ def test_the_command_reads_points_with_units_and_writes_the_scene(tmp_path, monk
         ({"points": [(1.0, 1.0)] * 6}, "points that differ"),
         ({"points": [1.0, 2.0]}, "an array of shape (n, 2)"),
         ({"timing": "25 deg"}, "stay within one turn, found 0 to 425 deg"),
-        ({"timing": "20 mm"}, "argument 'timing': expected an angle"),
+        ({"timing": "20 mm"}, "argument 'timing': expected an angle in rad"),
         ({"timing": [0.0, 1.0]}, "18 numbers"),
         ({"transmission_angle": "90 deg"}, "an angle from 0 to less than 90 deg"),
-        ({"transmission_angle": "30 kg"}, "argument 'transmission_angle': expected an angle"),
+        ({"transmission_angle": "30 kg"}, "argument 'transmission_angle': expected an angle in rad"),
         ({"seed": -1}, "argument 'seed': expected a whole number of at least 0"),
     ],
 )

@@ -29,6 +29,7 @@ LINKAGES = ("four_bar",)
 LEAST_POINTS, MOST_POINTS = 4, 500
 KEPT = 8  # linkages in the result
 AT_LIMIT = 1e-6  # rad
+TURN = 2.0 * np.pi
 
 
 @arguments.named
@@ -124,9 +125,11 @@ def read_points(file: Path) -> tuple[Array, Array | None]:
 
 def _angle(name: str, value: object) -> float:
     try:
-        return parse_number(value, "rad")
-    except ValueError as error:
-        raise InputError(f"argument '{name}': {error}") from None
+        if isinstance(value, str) or arguments.is_number(value):
+            return parse_number(value, "rad")
+    except ValueError:
+        pass
+    arguments.refuse(name, "an angle in rad, or a text such as '30 deg'", value)
 
 
 def _angles(timing: object, count: int) -> Array | None:
@@ -134,11 +137,13 @@ def _angles(timing: object, count: int) -> Array | None:
     if timing is None:
         return None
     if isinstance(timing, str) or arguments.is_number(timing):
-        angles = _angle("timing", timing) * np.arange(count)
+        step = _angle("timing", timing)
+        angles = float(np.clip(step, -TURN, TURN)) * np.arange(count)
     else:
         angles = np.array(arguments.array("timing", timing, (count,), "rad"))
-    steps = np.diff(angles)
-    if not ((steps > 0.0).all() or (steps < 0.0).all()) or not abs(angles[-1] - angles[0]) < 2.0 * np.pi:
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(angles)
+    if not ((steps > 0.0).all() or (steps < 0.0).all()) or not abs(angles[-1] - angles[0]) < TURN:
         raise InputError(
             "argument 'timing': expected angles that rise, or fall, and stay within one turn, found "
             f"{np.rad2deg(angles[0]):.6g} to {np.rad2deg(angles[-1]):.6g} deg"
