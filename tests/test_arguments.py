@@ -256,9 +256,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     joint_path = bc.joint_path(robot, [{}, {"elbow": 1.0}])
     fast, factor = bc.time_optimal(robot, motion, grid=20, costs=False), bc.speed_factor(robot, motion)
 
-    near = {"scene": pendulum, "variables": {"initial.swing": (0.1, 0.2)}, "minimise": "end.swing", "maximise": None,
-            "limits": "end.time <= 100 s", "size": False, "start": {"initial.swing": 0.15}, "samples": 2, "starts": 1,
-            "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": []}  # fmt: skip
+    near = {
+        "scene": pendulum, "variables": {"initial.swing": (0.1, 0.2)}, "minimise": "end.swing", "maximise": None,
+        "limits": "end.time <= 100 s", "size": False, "start": {"initial.swing": 0.15}, "samples": 2, "starts": 1,
+        "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": [],
+    }  # fmt: skip
     best = bc.optimise(**near)
     corners = {"linkage": "four_bar", "points": [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "timing": 1.2,
                "transmission_angle": 0.5, "seed": 0, "progress": None}  # fmt: skip

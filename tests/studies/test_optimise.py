@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tutorial_designs import arm_rivals, lock_rivals
 
 import bellcrank as bc
 from bellcrank.cli import main
@@ -74,10 +75,11 @@ def test_a_peak_that_changes_places_ends_where_two_maxima_are_equal() -> None:
 
 
 @pytest.mark.tier2
-def test_no_random_design_beats_the_optimum_of_the_balanced_arm() -> None:
-    best, rng = balanced(), np.random.default_rng(7)
-    found = best.problem.runner.run(best.problem.numbers(rng.random((1000, 3))), threads=1)
-    assert found.measures["shoulder.peak_torque"].min() >= best.objective * (1.0 - 1e-9)
+@pytest.mark.parametrize("rivals", [lock_rivals, arm_rivals])
+def test_no_random_design_beats_an_optimum_of_the_tutorial(rivals) -> None:
+    found = rivals(500, 7)
+    assert found.best.converged and found.best.residual < 1e-6
+    assert np.isfinite(found.objective).sum() > 50 and found.beaten == 0
 
 
 @pytest.mark.parametrize(
