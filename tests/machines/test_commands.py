@@ -13,7 +13,7 @@ import bellcrank as bc
 from bellcrank.cli import main
 
 COMMANDS = (
-    "size", "judge", "select", "fastest", "simulate", "sweep", "modes", "replay", "report", "plot", "check",
+    "size", "judge", "select", "fastest", "simulate", "sweep", "optimise", "synthesise", "modes", "replay", "report", "plot", "check",
     "catalogue", "robots", "demo", "doctor", "completion", "bench", "verify",
 )  # fmt: skip
 SHORT = ["--duration", "1", "--no-plots"]
