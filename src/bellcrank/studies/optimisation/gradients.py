@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.sensitivities import sizing_sensitivities, torque_maxima
@@ -133,10 +134,18 @@ class Gradients:
         assert isinstance(runner, SimulationRunner)
         plain = {axis.column: axis for axis in runner.designs.plain}
         starts = {Kind.PARAMETER: "", Kind.POSITION: "initial.", Kind.VELOCITY: "initial.velocity."}
-        if len(plain) < len(runner.axes) or any(axis.kind not in starts for axis in plain.values()):
-            return ()
-        self.factors = self.factors * np.array([plain[k].factor for k in range(len(plain))])
-        return tuple(starts[plain[k].kind] + plain[k].name for k in range(len(plain)))
+        found = []
+        for k, axis in enumerate(runner.axes):
+            own = next((name for name, it in runner.scene.parameters.items() if it.sets == (axis.path,)), None)
+            if own is not None:  # a number of the robot's tree, which the sweep has declared as a parameter
+                found.append(own)
+                self.factors[k] *= parse_number(axis.value(1.0), runner.scene.parameters[own].unit)
+            elif k in plain and plain[k].kind in starts:
+                found.append(starts[plain[k].kind] + plain[k].name)
+                self.factors[k] *= plain[k].factor
+            else:
+                return ()
+        return tuple(found)
 
     def _is_exact(self, measure: str) -> bool:
         runner, (first, _, rest) = self.problem.runner, measure.partition(".")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
-from bellcrank.errors import BellcrankError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import write_text, writing
 from bellcrank.files.csv_files import csv_text
 from bellcrank.files.json_files import write_json
@@ -217,7 +217,10 @@ class Optimum:
     def scene(self) -> Scene:
         """The scene with the best design. Raises InputError where the scene has no such values."""
         values = zip(self.problem.variables, self.values.values(), strict=True)
-        return self._base.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
+        try:
+            return self._base.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
+        except InputError as error:
+            raise InputError(f"the best design cannot be written as a scene: {error}") from None
 
     def write_config(self, path: str | Path) -> Path:
         """Write the best design as a scene file.
