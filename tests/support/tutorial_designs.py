@@ -12,6 +12,7 @@ import bellcrank as bc
 
 Array = NDArray[np.float64]
 GROUND, ANGLE = 1.241, np.deg2rad(155.0)
+LIMITS = ("lock.crank = 155 deg", "start.rocker <= 90 deg")
 LOCK = {"crank_length": (1.2, 1.24), "coupler_length": (1.15, 1.25), "rocker_length": (1.15, 1.25)}
 
 
@@ -31,7 +32,7 @@ class Rivals:
 
 @cache
 def lock_optimum() -> bc.Optimum:
-    return bc.optimise("four_bar", LOCK, minimise="lock.time", limits="lock.crank = 155 deg", threads=1)
+    return bc.optimise("four_bar", LOCK, minimise="lock.time", limits=LIMITS, threads=1)
 
 
 @cache
@@ -49,7 +50,8 @@ def lock_rivals(count: int, seed: int) -> Rivals:
     columns = best.problem.runner.run(designs, threads=1)
     angle = columns.measures["lock.crank"]
     assert np.abs(angle[np.isfinite(angle)] - ANGLE).max() < 1e-6
-    return Rivals(best, columns.measures["lock.time"])
+    branch = columns.measures["start.rocker"] <= 0.5 * np.pi  # of the other one, the guesses of some designs lead there
+    return Rivals(best, np.where(branch, columns.measures["lock.time"], np.nan))
 
 
 def arm_rivals(count: int, seed: int) -> Rivals:

@@ -156,6 +156,8 @@ class Gradients:
         scene = self.problem.runner.scene  # type: ignore[attr-defined]
         joints = {joint.name for joint in scene.robot.joints if joint.nv == 1}
         own = rest.removesuffix(".velocity") in joints
+        if first == "start":
+            return rest in joints
         if first == "end":
             scalar = rest in scene.outputs and len(list(scene.outputs[rest].quantity.suffixes())) == 1
             return not any(event.stop for event in scene.events) and (own or scalar)
@@ -206,6 +208,8 @@ def _slope(by: RunSensitivity, measure: str) -> float:
     first, _, rest = measure.partition(".")
     joints = {joint.name: joint for joint in by.run.robot.joints}
     name = rest.removesuffix(".velocity")
+    if first == "start":
+        return float(by.position[0, joints[rest].q])
     if first == "end":
         if name not in joints:
             return float(by.output(rest)[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -356,8 +357,9 @@ def _result(
     best = Search(np.concatenate(problem.points)[row], np.concatenate(problem.values)[row])
     merit = {id(one): _merit(problem, one) for one in (best, *searches)}
     if searches:  # of designs that are as good, the end of a search
-        end = min(searches, key=lambda one: merit[id(one)])
-        best = end if merit[id(end)] <= merit[id(best)] + SAME_VALUE else best
+        least = min(merit.values()) + SAME_VALUE
+        ends = [one for one in searches if merit[id(one)] <= least]
+        best = min(ends, key=lambda one: math.inf if one.kkt is None else one.kkt.residual, default=best)
     if best.kkt is None and complete:
         linearise(problem, gradients, [best])
     return Optimum(
