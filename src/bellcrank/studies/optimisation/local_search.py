@@ -21,7 +21,7 @@ from bellcrank.studies.optimisation.problem import DesignProblem
 Array = NDArray[np.float64]
 MOST_ITERATIONS = 100
 FIRST_RADIUS, LEAST_RADIUS, LARGEST_RADIUS = 0.1, 1e-10, 0.5  # of steps, as shares of the width between the bounds
-TINY = 1e-13  # a reduction that the model promises and that rounding hides
+TINY, MOST_TINY = 1e-13, 5  # a reduction that rounding may hide, and how many such steps follow one another
 ENOUGH = 1e-9  # of the residual, at which a search ends
 CONVERGED = 1e-6  # of the residual, up to which its end is called an optimum
 KEPT = 1e-7  # by how much a limit may be broken, as a share of its spread
@@ -87,6 +87,8 @@ class Search:
     old: tuple[Array, list[Function]] | None = None
     kkt: Kkt | None = None
     fresh: bool = True
+    tiny: int = 0
+    restarts: int = 3
 
 
 def local_searches(
@@ -195,8 +197,12 @@ def _step(one: Search) -> tuple[Array, float]:
         solved = _quadratic_programme(one.hessian, one.functions, lower, upper, one.penalty) or solved
         step, one.multipliers = solved
     promised = _merit(one, 0.0 * step) - _merit(one, step) - 0.5 * float(step @ one.hessian @ step)
-    if promised <= TINY or one.radius < LEAST_RADIUS:
-        one.reason = "no step makes it better" if promised <= TINY else "no short step makes it better"
+    one.tiny = one.tiny + 1 if promised <= TINY else 0
+    if (promised <= 0.0 or one.tiny > MOST_TINY) and one.restarts and one.kkt and one.kkt.residual > CONVERGED:
+        one.restarts, one.tiny, one.hessian, one.old = one.restarts - 1, 0, np.eye(len(one.point)), None
+        return _step(one)  # curvatures that were learned far away may be too large here
+    if promised <= 0.0 or one.tiny > MOST_TINY or one.radius < LEAST_RADIUS:
+        one.reason = "no short step makes it better" if one.radius < LEAST_RADIUS else "no step makes it better"
     return step, promised
 
 
@@ -207,7 +213,8 @@ def _judge(
     length, promised = float(np.abs(step[0]).max()), step[1]
     pair = np.array([one.values, values])
     merits = problem.objective(pair) + one.penalty * problem.violation(pair)
-    ratio = float((merits[0] - merits[1]) / promised) if np.isfinite(values).all() else -1.0
+    # Reductions that rounding may hide count as promised (Conn, Gould, Toint, Trust-Region Methods (2000), 17.4).
+    ratio = float((merits[0] - merits[1] + TINY) / (promised + TINY)) if np.isfinite(values).all() else -1.0
     one.blocked = why
     if ratio > 1e-4:
         one.old = one.point, one.functions
