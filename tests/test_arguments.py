@@ -52,6 +52,8 @@ MADE_BY = {
     "SpeedFactor": "speed_factor",
     "RepeatedCycle": "repeated_cycle",
     "JointPath": "joint_path",
+    "Optimum": "optimise",
+    "Synthesis": "synthesise",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
@@ -122,6 +124,7 @@ WORDS = {
     "values": ("posture", "joint", "values"),
     "set_masses": ("mass",),
     "vary": ("vary", "sweep", "parameter"),
+    "variables": ("optimise", "override"),
     "sample": ("distribution", "study"),
     "frame": ("frame",),
     "makers": ("maker",),
@@ -253,6 +256,16 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     joint_path = bc.joint_path(robot, [{}, {"elbow": 1.0}])
     fast, factor = bc.time_optimal(robot, motion, grid=20, costs=False), bc.speed_factor(robot, motion)
 
+    near = {
+        "scene": pendulum, "variables": {"initial.swing": (0.1, 0.2)}, "minimise": "end.swing", "maximise": None,
+        "limits": "end.time <= 100 s", "size": False, "start": {"initial.swing": 0.15}, "samples": 2, "starts": 1,
+        "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": [],
+    }  # fmt: skip
+    best = bc.optimise(**near)
+    corners = {"linkage": "four_bar", "points": [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "timing": 1.2,
+               "transmission_angle": 0.5, "seed": 0, "progress": None}  # fmt: skip
+    linkages = bc.synthesise(**corners)
+
     def of(thing: Any, **methods: dict[str, Any]) -> dict[str, tuple[Any, dict[str, Any]]]:
         kind = type(thing).__name__
         return {f"{kind}.{name}": (getattr(thing, name), arguments) for name, arguments in methods.items()}
@@ -342,6 +355,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-7, 1e-6)"}, "n": 2, "seed": 0, "threads": 1,
             "overrides": {"simulate.duration": 0.01}, "progress": None, "workers": None, "scheduler": None,
             "folder": None}),
+        "optimise": (bc.optimise, near),
+        **of(best, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
+             write_config={"path": "o.yaml"}),
+        "synthesise": (bc.synthesise, corners),
+        **of(linkages, table={}, as_dict={}, to_csv={"path": "p.csv"}, to_json={"path": "l.json"}, plot={"path": None},
+             write_config={"path": "l.yaml"}),
         "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),

@@ -66,6 +66,10 @@ _HOME = {
     "floquet": "analysis.floquet",
     "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
+    "optimise": "studies.optimisation.optimise",
+    "Optimum": "studies.optimisation.optimum",
+    "synthesise": "studies.synthesis.synthesise",
+    "Synthesis": "studies.synthesis.synthesis",
     "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
@@ -120,6 +124,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Motor",
     "Mount",
     "NotSavedError",
+    "Optimum",
     "Payload",
     "PreparedRun",
     "PreparedSimulation",
@@ -140,6 +145,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Slopes",
     "SpeedFactor",
     "Sweep",
+    "Synthesis",
     "Trajectory",
     "UnreachableError",
     "__version__",
@@ -158,6 +164,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_run",
     "load_scene",
     "mobility",
+    "optimise",
     "plot",
     "point_to_point",
     "prepare",
@@ -176,6 +183,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "sobol_indices",
     "speed_factor",
     "sweep",
+    "synthesise",
     "time_optimal",
     "tool_path",
     "verify_selection",
@@ -243,11 +251,15 @@ if TYPE_CHECKING:
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
     from bellcrank.sizing.verification import SelectionVerification, verify_selection
+    from bellcrank.studies.optimisation.optimise import optimise
+    from bellcrank.studies.optimisation.optimum import Optimum
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.synthesis.synthesis import Synthesis
+    from bellcrank.studies.synthesis.synthesise import synthesise
 
 
 def __getattr__(name: str) -> Any:

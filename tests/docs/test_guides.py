@@ -17,7 +17,7 @@ from bellcrank.sizing.selection.selection import Objective
 from bellcrank.sizing.selection.system_criteria import REGENERATION, SUPPLY
 
 GUIDES = sorted((Path(tutorial.__file__).parents[1] / "guide").glob("*.md"))
-COMMANDS = "size|select|simulate|sweep|replay|report|plot|check|catalogue|verify|bench|robots"
+COMMANDS = "size|select|simulate|sweep|optimise|synthesise|replay|report|plot|check|catalogue|verify|bench|robots"
 BELLCRANK = re.compile(rf"bellcrank (?:{COMMANDS})\b[^`\n#&|)]*")
 
 

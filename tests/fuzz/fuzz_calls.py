@@ -31,7 +31,7 @@ RIGHT: dict[str, Callable[[], Any]] = {
     "maker": lambda: "Acme", "model": lambda: "M1", "kind": lambda: "motor",
 }  # fmt: skip
 LIMITED = {"duration": 0.05, "samples": 3, "max_evaluations": 2000, "seconds": 0.1, "n": 2, "sample": 2, "effort": 100,
-           "candidates": 1, "threads": 1, "grid": 20}  # fmt: skip
+           "candidates": 1, "threads": 1, "grid": 20, "starts": 1}  # fmt: skip
 # Classes that a user makes; objects of the others come from functions, which check their parts.
 MADE = {"Actuator", "Catalogue", "Conditions", "CoupledTransmission", "Gear", "Motion", "MotionLimits", "Motor",
         "Mount", "Payload", "PreparedSimulation", "Settings"}  # fmt: skip

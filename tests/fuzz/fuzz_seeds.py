@@ -196,7 +196,7 @@ HELD: dict[str, Any] = {
         "shoulder": {"dry_friction": {"coulomb": 4, "static": 6, "speed": 0.05, "law": "hyperbolic", "viscous": 0.5}},
         "elbow": {
             "dry_friction": {"coulomb": "2 N m"},
-            "stop": {"lower": 0.2, "upper": "30 deg", "restitution": 0.4},
+            "stop": {"lower": 0.2, "upper": "30 deg", "restitution": 0.4, "stop": True},
         },
     },
 }
@@ -224,7 +224,15 @@ DRIVEN: dict[str, Any] = {
             "temperatures": {"winding": 40, "housing": 30},
             "servo": {"target": 0.1, "position": {"kp": 10}, "speed": {"kp": 0.1, "ti": 0.01},
                       "current": {"kp": 1, "ki": 100}, "sample_time": {"speed": "1 ms"}},
-        }
+        },
+        "elbow": {
+            "motor": MOTOR | {"coulomb_friction": 0.01, "viscous_friction": 1e-4},
+            "gear": {"maker": "a", "model": "h", "kind": "planetary", "ratio": 50, "efficiency": 1, "inertia": 0,
+                     "inertia_side": "input"},
+            "model": "dc",
+            "servo": {"target": 0.2, "state_space": {"inputs": ["error", "rotor_velocity", "-t"], "A": [[0.9]],
+                      "B": [[0.1, 0, 0]], "C": [[2]], "D": [[30, -0.1, 0.01]], "sample_time": "1 ms"}},
+        },
     },
     "simulate": {"duration": 0.05, "rtol": 1e-6, "atol": 1e-6, "samples": 11, "max_evaluations": 20_000},
 }  # fmt: skip

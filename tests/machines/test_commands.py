@@ -13,8 +13,8 @@ import bellcrank as bc
 from bellcrank.cli import main
 
 COMMANDS = (
-    "size", "judge", "select", "fastest", "simulate", "sweep", "modes", "replay", "report", "plot", "check",
-    "catalogue", "robots", "demo", "doctor", "completion", "bench", "verify",
+    "size", "judge", "select", "fastest", "simulate", "sweep", "optimise", "synthesise", "modes", "replay", "report",
+    "plot", "check", "catalogue", "robots", "demo", "doctor", "completion", "bench", "verify",
 )  # fmt: skip
 SHORT = ["--duration", "1", "--no-plots"]
 

@@ -58,7 +58,7 @@ CONFIG_KEYS = (
 )  # fmt: skip
 SCENE_KEYS = (
     "constraints", "forces", "control", "initial", "base", "parameters", "events", "outputs", "simulate", "study",
-    "joints", "joint_stops", "supply",
+    "joints", "joint_stops", "supply", "optimise",
 )  # fmt: skip
 
 Frame = tuple[str, tuple[float, ...], tuple[float, ...]]

@@ -3,7 +3,7 @@
 One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
 (robot_config.py), all of them optional: constraints, forces, joints and control (bellcrank.elements: constraints.py,
 forces.py, dry_friction.py, controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events
-(events.py), outputs (outputs.py), simulate (settings.py) and study (study.py).
+(events.py), outputs (outputs.py), simulate (settings.py), study (study.py) and optimise (optimise_entry.py).
 """
 
 from __future__ import annotations
@@ -55,6 +55,7 @@ from bellcrank.notes import Note, in_use
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
+from bellcrank.scene.optimise_entry import OptimiseEntry, read_optimise
 from bellcrank.scene.output_quantities import WorkOutput
 from bellcrank.scene.output_terms import OutputTerms
 from bellcrank.scene.outputs import Output, read_outputs
@@ -99,6 +100,7 @@ class Scene(Portable):
         outputs: The quantities that are recorded besides positions and velocities, by name.
         settings: The solver settings.
         study: What a sweep varies unless it is told something else.
+        optimise: What `optimise` looks for unless it is told something else.
         motion_of: Function that returns a motion of the configuration by its name.
         source_data: The YAML mapping, with the line of each key and the override that set it.
         access: The rule which files the scene may name.
@@ -124,6 +126,7 @@ class Scene(Portable):
     outputs: Mapping[str, Output]
     settings: Settings
     study: Study
+    optimise: OptimiseEntry
     motion_of: Callable[[str], Motion] = field(repr=False)
     source_data: Mapping[str, Any] = field(repr=False)
     access: FileAccess = field(repr=False)
@@ -590,6 +593,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
     except InputError as error:
         raise read.mapping("simulate").error("samples", str(error)) from None
     study = read_study(read.mapping("study", {}))
+    optimise = read_optimise(read.mapping("optimise", {}))
     read.done()
     return Scene(
         config=config,
@@ -603,6 +607,7 @@ def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene
         outputs=outputs,
         settings=settings,
         study=study,
+        optimise=optimise,
         motion_of=motion_of,
         source_data=data,
         access=access,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SAME_TIME = 1e-9  # s per s: rows this near a peak are candidates for its side of a jump
+LEAST_SHARE = 0.5  # of the peak: smaller maxima are far from being one
 PEAKS = ("max_torque", "min_torque", "peak_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power")
 
 
@@ -110,8 +111,43 @@ class SizingSensitivity:
         return joints[name]
 
 
+class TorqueMaximum(NamedTuple):
+    """A maximum of a joint's |torque| over time: the largest of them is its peak.
+
+    Attributes:
+        motion: The name of the motion.
+        time: s.
+        torque: The signed torque, N m or N.
+        slope: Its derivatives (parameters,) per unit of each parameter.
+    """
+
+    motion: str
+    time: float
+    torque: float
+    slope: Array
+
+
 def sizing_sensitivities(sizing: Sizing, names: Sequence[str]) -> tuple[SizingSensitivity, ...]:
     """The derivatives of a sizing by parameters of its scene (`Sizing.sensitivities`)."""
+    scene, along = _scene(sizing), _along(sizing, names)
+    found = []
+    for j, name in enumerate(names):
+        joints = tuple(_joint(sizing, k, j, along) for k in range(len(sizing.joints)))
+        found.append(SizingSensitivity(name, scene.parameters[name].unit, joints))
+    return tuple(found)
+
+
+def torque_maxima(sizing: Sizing, names: Sequence[str]) -> dict[str, list[TorqueMaximum]]:
+    """The maxima of each joint's |torque| of at least half its peak, with derivatives by parameters of the scene.
+
+    Raises InputError as `Sizing.sensitivities`.
+    """
+    along = _along(sizing, names)
+    return {joint.name: [it for one in along for it in one.maxima(k)] for k, joint in enumerate(sizing.joints)}
+
+
+def _along(sizing: Sizing, names: Sequence[str]) -> list[_MotionLoads]:
+    """The loads along each motion with their derivatives. Raises InputError where they are not known."""
     scene, inputs = _scene(sizing), sizing.inputs
     assert inputs is not None
     places = []
@@ -126,12 +162,7 @@ def sizing_sensitivities(sizing: Sizing, names: Sequence[str]) -> tuple[SizingSe
             f"{scene.source}: sensitivities: the constraints of the linkage have redundant rows, or more than can be "
             "solved as one expression; use differences of sizings"
         )
-    along = [_MotionLoads(sizing, motion, derivatives) for motion in inputs.motions]
-    found = []
-    for j, name in enumerate(names):
-        joints = tuple(_joint(sizing, k, j, along) for k in range(len(sizing.joints)))
-        found.append(SizingSensitivity(name, scene.parameters[name].unit, joints))
-    return tuple(found)
+    return [_MotionLoads(sizing, motion, derivatives) for motion in inputs.motions]
 
 
 def _scene(sizing: Sizing) -> Scene:
@@ -201,6 +232,34 @@ class _MotionLoads:
                 return 0.0
             return (1.0 if name == "peak_motoring_power" else -1.0) * (change * rate + torque * faster)
         return change * (float(np.sign(peak.value)) if name == "peak_torque" else 1.0)
+
+    def maxima(self, k: int) -> list[TorqueMaximum]:
+        """The maxima of |torque| of motor k of at least `LEAST_SHARE` of the largest, between rows by a parabola."""
+        size = np.abs(self.loads.torque[:, k])
+        order = np.lexsort((-size, self.grid.time))  # of rows at one time the larger first
+        rows = order[np.diff(self.grid.time[order], prepend=-np.inf) > 0.0]
+        time, size = self.grid.time[rows], size[rows]
+        beside = np.concatenate([[-np.inf], size, [-np.inf]])
+        tops = np.flatnonzero((size > beside[:-2]) & (size >= beside[2:]) & (size >= LEAST_SHARE * size.max()))
+        found = []
+        for top in tops.tolist():
+            loads, at, when = self.loads, int(rows[top]), float(time[top])
+            if 0 < top < len(time) - 1:
+                times, heights, width = time[top - 1 : top + 2], size[top - 1 : top + 2], time[top + 1] - time[top - 1]
+                for spacing in (0.05 * width, 1e-3 * width):  # the error of a parabola falls with its width's square
+                    curve = np.polyfit(times - when, heights, 2)
+                    best = when - 0.5 * curve[1] / curve[0] if curve[0] < 0.0 else np.nan
+                    if not time[top - 1] + spacing < best < time[top + 1] - spacing:
+                        break
+                    times = best + spacing * np.arange(-1.0, 2.0)
+                    near, _ = self._at(times, *self.grid.at(self.motion, times))
+                    heights = np.abs(near.torque[:, k])
+                    if heights[1] < size[top]:
+                        break
+                    loads, at, when = near, 1, float(best)
+            torque, slope = float(loads.torque[at, k]), loads.torque_slope[at, :, k]
+            found.append(TorqueMaximum(self.motion.name, when, torque, slope))
+        return found
 
     def rms(self, k: int, j: int) -> float:
         """The derivative of the RMS torque."""

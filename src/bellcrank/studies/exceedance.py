@@ -21,8 +21,9 @@ from bellcrank.messages import unknown_name
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.intervals import Array, Interval, Mask, SampleLayout, proportion
 
-_RELATION = re.compile(r"[<>]=?")
+_RELATION, _CONDITION = re.compile(r"[<>]=?"), re.compile(r"[<>]=?|=")
 EXPECTED = "expected MEASURE > VALUE or MEASURE < VALUE, such as 'lock.time > 13 s'"
+EXPECTED_CONDITION = "expected MEASURE <= VALUE, MEASURE >= VALUE or MEASURE = VALUE, such as 'lock.crank <= 120 deg'"
 
 
 @dataclass(frozen=True)
@@ -90,13 +91,14 @@ class Exceedance:
         )
 
 
-def parse_limit(text: str, units: Mapping[str, str], option: str = "--limit") -> Limit:
+def parse_limit(text: str, units: Mapping[str, str], option: str = "--limit", *, kept: bool = False) -> Limit:
     """The limit that a text such as "lock.time > 13 s" names, in the unit of its measure.
 
     Args:
         text: The measure, "<" or ">", and a number with or without a unit.
         units: The unit of each measure by name.
         option: What the message calls the text.
+        kept: Whether it is a condition that designs are to keep, where "=" is a relation too.
 
     Returns:
         The limit.
@@ -104,9 +106,9 @@ def parse_limit(text: str, units: Mapping[str, str], option: str = "--limit") ->
     Raises:
         InputError: The text has another form, the measure does not exist, or the unit is not one of the measure's.
     """
-    found, where = _RELATION.search(text), f"{option} {arguments.found(text)}"
+    found, where = (_CONDITION if kept else _RELATION).search(text), f"{option} {arguments.found(text)}"
     if found is None or not text[: found.start()].strip():
-        raise InputError(f"{where}: {EXPECTED}")
+        raise InputError(f"{where}: {EXPECTED_CONDITION if kept else EXPECTED}")
     measure = text[: found.start()].strip()
     if measure not in units:
         raise InputError(f"{where}: {unknown_name('measure', measure, units)}")

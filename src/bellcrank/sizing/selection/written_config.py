@@ -112,16 +112,16 @@ def _original(config: RobotConfig, folder: Path) -> dict[str, Any]:
         changed: dict[str, Any] = plain(apply_overrides(written, config.overrides))
         return changed
     original = apply_overrides(read_yaml(config.source), config.overrides)
-    data: dict[str, Any] = _moved(plain(original), config.source.resolve().parent, folder)
+    data: dict[str, Any] = moved(plain(original), config.source.resolve().parent, folder)
     return {"name": config.name} | data
 
 
-def _moved(value: Any, old: Path, new: Path, key: str = "") -> Any:
+def moved(value: Any, old: Path, new: Path, key: str = "") -> Any:
     """Data of a file with the names of files relative to a new folder. Bundled robots keep their names."""
     if isinstance(value, dict):
-        return {name: _moved(entry, old, new, name) for name, entry in value.items()}
+        return {name: moved(entry, old, new, name) for name, entry in value.items()}
     if isinstance(value, list):
-        return [_moved(entry, old, new, key) for entry in value]
+        return [moved(entry, old, new, key) for entry in value]
     if key in _FILES and isinstance(value, str) and not value.startswith("~/"):
         place = old / file_name_here(value)
         return _relative(place, new) if place.exists() else value

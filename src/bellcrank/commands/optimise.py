@@ -1,0 +1,124 @@
+"""`bellcrank optimise`: the best design on screen; files with it and with every design that was run in a folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bellcrank.commands.options import add_output_folder, add_trust, whole_option
+from bellcrank.commands.output_files import output_path, write_each, written
+from bellcrank.errors import InputError
+from bellcrank.files.atomic_write import check_file, check_folder, default_place
+from bellcrank.terminal.progress import counting
+
+if TYPE_CHECKING:
+    from bellcrank.studies.optimisation.optimum import Optimum
+
+NAMES = ("designs.csv", "optimum.json", "optimum.png")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The scene, variables, objective, limits, and where to write."""
+    parser.add_argument(
+        "scene", metavar="SCENE", help="a scene or robot configuration: a path, or a name that `bellcrank robots` lists"
+    )
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="PATH=LOWER:UPPER",
+        help="vary a parameter, or whatever else `bellcrank sweep` can vary, between two bounds, such as "
+        "crank_length='1.2 m:1.24 m'; may be repeated (default: the scene's entry optimise)",
+    )  # fmt: skip
+    parser.add_argument("--minimise", metavar="MEASURE", help="the measure to be made small, one of those of sweeps")
+    parser.add_argument("--maximise", metavar="MEASURE", help="the measure to be made large, instead")
+    parser.add_argument(
+        "--limit", action="append", default=[], metavar="LIMIT", dest="limits",
+        help="a condition on a measure that the design is to keep, with <=, >= or =, such as "
+        "'lock.crank <= 120 deg'; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--size", action="store_true", help="size the motors over the configuration's motions instead of simulating"
+    )
+    parser.add_argument("--samples", metavar="N", help="number of Sobol points of the global search (default: 256)")
+    parser.add_argument("--starts", metavar="N", help="number of local searches (default: 8)")
+    parser.add_argument("--seed", metavar="N", help="seed of the Sobol points (default: 0)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
+        help="change a value of the scene first, such as simulate.duration='20 s'; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--threads", metavar="N", help="number of threads that run designs (default: the machine's)")
+    parser.add_argument(
+        "--write-config", type=output_path, metavar="FILE", help="write the best design as a scene file"
+    )
+    add_trust(parser)
+    add_output_folder(parser, "SCENE_optimise")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Search. Exit code 0: a local optimum that keeps the limits; 1: none; 130: interrupted. The best design is written
+    in any case. Raises BellcrankError for invalid input.
+    """
+    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.studies.executors import MOST_THREADS
+    from bellcrank.studies.optimisation.optimise import Request, plan_search, run_search
+    from bellcrank.studies.samples import LARGEST_SEED
+    from bellcrank.terminal import interruption
+
+    folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_optimise")
+    asked = Request(
+        variables=dict(map(_bounds, arguments.vary)) or None,
+        minimise=arguments.minimise,
+        maximise=arguments.maximise,
+        limits=arguments.limits or None,
+        size=arguments.size or None,
+        samples=whole_option("--samples", arguments.samples, 1, MOST_DESIGNS),
+        starts=whole_option("--starts", arguments.starts, 1, MOST_STARTS),
+        seed=whole_option("--seed", arguments.seed, 0, LARGEST_SEED),
+    )
+    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
+    check_folder("--out", folder, NAMES)
+    if arguments.write_config is not None:
+        check_file("--write-config", arguments.write_config)
+    changes = dict(parse_assignment(text) for text in arguments.changes)
+    scene = load_scene(arguments.scene, changes, trust=arguments.trust)
+    for option, given, entry in (
+        ("--vary", arguments.vary, scene.optimise.vary), ("--limit", arguments.limits, scene.optimise.limits),
+    ):  # fmt: skip
+        if given and entry:
+            print(f"note: {option} replaces what the scene says under 'optimise'")
+    with counting("optimise", " designs") as bar, interruption.held() as check:
+
+        def progress(done: int) -> None:
+            check()
+            bar(done, done)
+
+        result = run_search(*plan_search(scene, asked, threads, progress))
+    return _show(result, folder, arguments)
+
+
+def _bounds(text: str) -> tuple[str, list[object]]:
+    """Path and bounds of "path=lower:upper". Raises InputError."""
+    from bellcrank.config.yaml_file import read_value
+
+    path, equals, given = text.partition("=")
+    parts = given.split(":")
+    if not equals or not path.strip() or len(parts) != 2:
+        raise InputError(f"--vary {text!r}: expected PATH=LOWER:UPPER, such as crank_length=1.2:1.24")
+    return path.strip(), [read_value(part, f"--vary {text!r}") for part in parts]
+
+
+def _show(result: Optimum, folder: Path, arguments: argparse.Namespace) -> int:
+    """Print the result and write the files; returns the exit code."""
+    print(result.table())
+    for note in result.notes:
+        print(f"{note.label}: {note}")
+    files: list[Path] = []
+    jobs = [(folder / NAMES[0], result.to_csv), (folder / NAMES[1], result.to_json)]
+    if not arguments.no_plots:
+        jobs.append((folder / NAMES[2], result.plot))  # type: ignore[arg-type]
+    if arguments.write_config is not None:
+        jobs.append((arguments.write_config, result.write_config))
+    write_each(files, jobs)
+    print(written(files, folder))
+    return (0 if result.converged else 1) if result.complete else 130

@@ -1,0 +1,70 @@
+"""What `optimise` looks for in a scene, under the key `optimise`, unless it is told something else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bellcrank.config.fields import Fields
+from bellcrank.messages import format_value
+
+MOST_DESIGNS, MOST_STARTS = 10**6, 1000
+
+
+@dataclass(frozen=True)
+class OptimiseEntry:
+    """The search for a best design of the scene; what is None or empty is not said.
+
+    Attributes:
+        vary: Bounds (lower, upper) by parameter or path, as written.
+        minimise: The measure to be made small.
+        maximise: The measure to be made large.
+        limits: Conditions on measures, such as "lock.crank <= 120 deg".
+        size: Whether designs are sized instead of simulated.
+        samples: The number of designs of the global search.
+        starts: The number of local searches.
+        seed: Of the sample.
+        place: Where it is written, for messages.
+    """
+
+    vary: Mapping[str, Any] = field(default_factory=dict)
+    minimise: str | None = None
+    maximise: str | None = None
+    limits: tuple[str, ...] = ()
+    size: bool | None = None
+    samples: int | None = None
+    starts: int | None = None
+    seed: int | None = None
+    place: Fields | None = field(default=None, compare=False, repr=False)
+
+
+def read_optimise(read: Fields) -> OptimiseEntry:
+    """Read the mapping `optimise`. Raises InputError naming file and key."""
+    vary = read.mapping("vary", {})
+    bounds = {path: vary.raw(path) for path in vary}
+    for path, pair in bounds.items():
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise vary.error(path, f"expected two bounds, such as [1.2, 1.3], found {format_value(pair)}")
+    if "minimise" in read and "maximise" in read:
+        raise read.error("maximise", "expected one of minimise and maximise, found both")
+    limits = read.raw("limits", [])
+    if not isinstance(limits, list) or not all(isinstance(limit, str) for limit in limits):
+        raise read.error("limits", f"expected a list such as ['lock.crank <= 120 deg'], found {format_value(limits)}")
+    counts: dict[str, int | None] = {}
+    for name, least, most in (("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9)):
+        counts[name] = read.integer(name, minimum=least) if name in read else None
+        if (counts[name] or 0) > most:
+            raise read.error(name, f"expected at most {most}, found {counts[name]}")
+    found = OptimiseEntry(
+        vary=bounds,
+        minimise=read.text("minimise") if "minimise" in read else None,
+        maximise=read.text("maximise") if "maximise" in read else None,
+        limits=tuple(limits),
+        size=read.flag("size", False) if "size" in read else None,
+        place=read,
+        **counts,
+    )
+    read.known("minimise", "maximise", "size", "samples", "starts", "seed")
+    read.done()
+    return found

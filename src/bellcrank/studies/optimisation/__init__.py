@@ -1,0 +1,1 @@
+"""Proposes designs: the best values of parameters within bounds and limits."""

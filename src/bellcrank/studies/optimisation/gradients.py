@@ -1,0 +1,221 @@
+"""Values and gradients of the objective and the limits at a design.
+
+They are exact where bellcrank has derivatives: events and ends of runs (`Trajectory.sensitivity`), and peak and RMS
+torques of sizings (`Sizing.sensitivities`), whose peaks come with all maxima over time that may become the peak.
+Otherwise they are differences of fourth order of designs that are run together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.config.fields import parse_number
+from bellcrank.errors import BellcrankError
+from bellcrank.simulation.simulate import simulate
+from bellcrank.sizing.sensitivities import sizing_sensitivities, torque_maxima
+from bellcrank.studies.plain_axes import Kind
+from bellcrank.studies.simulation_runner import NOISE, SimulationRunner
+from bellcrank.studies.sizing_axes import factors
+from bellcrank.studies.sizing_runner import SizingRunner
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.sensitivities import RunSensitivity
+    from bellcrank.studies.optimisation.problem import DesignProblem
+
+Array = NDArray[np.float64]
+# Weights of f(x + k h) in h f'(x), with the error h^4 f''''' / 30 (central) or h^4 f''''' / 5: B. Fornberg, Math. Comp.
+# 51 (1988) 699-706, tables 1 and 2.
+STENCILS = (
+    {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12},
+    {0: -25 / 12, 1: 4.0, 2: -3.0, 3: 4 / 3, 4: -1 / 4},
+    {0: 25 / 12, -1: -4.0, -2: 3.0, -3: -4 / 3, -4: 1 / 4},
+)
+SHORTEST, LONGEST = 1e-3, 2e-2  # steps of differences, as shares of the width between the bounds
+PEAK = "peak_torque"
+OF_JOINT = (PEAK, "rms_torque", "peak_speed")
+
+
+class Row(NamedTuple):
+    """One smooth function: a measure, or one of the maxima of which a peak is the largest.
+
+    Attributes:
+        value: In the unit of the measure.
+        gradient: (variables,) by the points from 0 to 1.
+        key: What it is, to find it again at a near design.
+        time: s, of a maximum.
+    """
+
+    value: float
+    gradient: Array
+    key: tuple[str, ...] = ()
+    time: float = 0.0
+
+
+@dataclass(eq=False)
+class Gradients:
+    """Computes the rows of the measures of a problem.
+
+    Attributes:
+        problem: The problem.
+        exact: Which measures have exact gradients.
+    """
+
+    problem: DesignProblem
+    exact: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        noise = self.problem.runner.noise[1] / (NOISE if isinstance(self.problem.runner, SimulationRunner) else 1.0)
+        self.step = float(np.clip(0.3 * noise**0.2, SHORTEST, LONGEST))
+        self.factors = np.array([variable.width for variable in self.problem.variables])
+        self.names = self._names()
+        if self.names:
+            self.exact = frozenset(filter(self._is_exact, self.problem.measures))
+
+    def at(self, points: Sequence[Array], values: Sequence[Array]) -> list[list[list[Row]]]:
+        """For each design, the rows of each measure; `values` (1 + limits,) are those of the designs.
+
+        A gradient that is not known, because designs beside it are infeasible, is NaN.
+        """
+        measures = self.problem.measures
+        found = [[list[Row]() for _ in measures] for _ in points]
+        for rows, point, value in zip(found, points, values, strict=True):
+            if self.exact:
+                own = self._exact_rows(point)
+                for k, name in enumerate(measures):
+                    if given := own.get(name):
+                        shift = value[k] - max(row.value for row in given)  # to the value of the sweep's engine
+                        rows[k] = [row._replace(value=row.value + shift) for row in given]
+        left = [k for k, name in enumerate(measures) if any(not rows[k] for rows in found)]
+        if left:
+            slopes = self._differences(np.array(points), np.array(values))
+            for rows, value, slope in zip(found, values, slopes, strict=True):
+                for k in left:
+                    rows[k] = rows[k] or [Row(float(value[k]), slope[k], (measures[k],))]
+        return found
+
+    # ---- differences
+
+    def _differences(self, points: Array, values: Array) -> Array:
+        """Slopes (designs, measures, variables) of designs (n, variables); NaN where no stencil fits."""
+        count, size = points.shape
+        found = np.full((count, values.shape[1], size), np.nan)
+        for stencil in STENCILS:
+            wanted, asked = [], []
+            for row, k in np.argwhere(np.isnan(found).any(axis=1)).tolist():
+                ends = [points[row, k] + self.step * end for end in (min(stencil), max(stencil))]
+                if ends[0] >= 0.0 and ends[1] <= 1.0:
+                    wanted.append((row, k))
+                    for place in filter(None, stencil):
+                        beside = points[row].copy()
+                        beside[k] += place * self.step
+                        asked.append(beside)
+            if not wanted:
+                continue
+            run = iter(self.problem.run(np.array(asked)))
+            for row, k in wanted:
+                parts = [w * (next(run) if place else values[row]) for place, w in stencil.items()]
+                found[row, :, k] = np.sum(parts, axis=0) / self.step
+        return found
+
+    # ---- exact
+
+    def _names(self) -> tuple[str, ...]:
+        """The names of the variables for sensitivities; none where one of them has no derivatives."""
+        runner = self.problem.runner
+        if isinstance(runner, SizingRunner):
+            self.factors = self.factors * factors(runner.axes, runner.changes)
+            known = all(change.kind == "parameter" for change in runner.changes) and not runner._path_notes()
+            return tuple(change.path for change in runner.changes) if known else ()
+        assert isinstance(runner, SimulationRunner)
+        plain = {axis.column: axis for axis in runner.designs.plain}
+        starts = {Kind.PARAMETER: "", Kind.POSITION: "initial.", Kind.VELOCITY: "initial.velocity."}
+        found = []
+        for k, axis in enumerate(runner.axes):
+            own = next((name for name, it in runner.scene.parameters.items() if it.sets == (axis.path,)), None)
+            if own is not None:  # a number of the robot's tree, which the sweep has declared as a parameter
+                found.append(own)
+                self.factors[k] *= parse_number(axis.value(1.0), runner.scene.parameters[own].unit)
+            elif k in plain and plain[k].kind in starts:
+                found.append(starts[plain[k].kind] + plain[k].name)
+                self.factors[k] *= plain[k].factor
+            else:
+                return ()
+        return tuple(found)
+
+    def _is_exact(self, measure: str) -> bool:
+        runner, (first, _, rest) = self.problem.runner, measure.partition(".")
+        if isinstance(runner, SizingRunner):
+            return measure.rpartition(".")[2] in OF_JOINT and measure.rpartition(".")[0] in {
+                joint.name for joint in runner.base.joints
+            }
+        scene = self.problem.runner.scene  # type: ignore[attr-defined]
+        joints = {joint.name for joint in scene.robot.joints if joint.nv == 1}
+        own = rest.removesuffix(".velocity") in joints
+        if first == "start":
+            return rest in joints
+        if first == "end":
+            scalar = rest in scene.outputs and len(list(scene.outputs[rest].quantity.suffixes())) == 1
+            return not any(event.stop for event in scene.events) and (own or scalar)
+        return first in {event.name for event in scene.events} and (own or rest in ("time", "impulse", "energy_lost"))
+
+    def _exact_rows(self, point: Array) -> dict[str, list[Row]]:
+        """The rows of the exact measures at a design; none of them where the run has no derivatives there."""
+        numbers = self.problem.numbers(point[None])[0].tolist()
+        try:
+            if isinstance(self.problem.runner, SizingRunner):
+                return self._rows_of_sizing(self.problem.runner, numbers)
+            return self._rows_of_run(numbers)
+        except BellcrankError:
+            return {}
+
+    def _rows_of_sizing(self, runner: SizingRunner, numbers: list[float]) -> dict[str, list[Row]]:
+        sizing = runner.design(numbers)
+        wanted = [measure.rpartition(".") for measure in sorted(self.exact)]
+        kinds, found = {kind for _, _, kind in wanted}, dict[str, list[Row]]()
+        maxima = torque_maxima(sizing, self.names) if PEAK in kinds else {}
+        slopes = sizing_sensitivities(sizing, self.names) if kinds - {PEAK} else ()
+        for joint, _, kind in wanted:
+            if kind == PEAK:
+                found[f"{joint}.{kind}"] = [
+                    Row(abs(it.torque), self.factors * np.sign(it.torque) * it.slope, (joint, it.motion), it.time)
+                    for it in maxima[joint]
+                ]
+            else:
+                gradient = np.array([getattr(one.joint(joint), kind) for one in slopes])
+                found[f"{joint}.{kind}"] = [Row(0.0, self.factors * gradient, (joint, kind))]
+        return found
+
+    def _rows_of_run(self, numbers: list[float]) -> dict[str, list[Row]]:
+        runner = self.problem.runner
+        assert isinstance(runner, SimulationRunner)
+        scene = runner.scene.with_overrides(runner.designs.overrides(numbers))
+        run = simulate(scene, sensitivities=self.names, samples=2)
+        by = [run.sensitivity(name) for name in self.names]
+        found = {}
+        for measure in self.exact:
+            gradient = self.factors * np.array([_slope(one, measure) for one in by])
+            found[measure] = [Row(0.0, gradient, (measure,))]
+        return found
+
+
+def _slope(by: RunSensitivity, measure: str) -> float:
+    """The derivative of a measure of a run. Raises BellcrankError where the run does not have it."""
+    first, _, rest = measure.partition(".")
+    joints = {joint.name: joint for joint in by.run.robot.joints}
+    name = rest.removesuffix(".velocity")
+    if first == "start":
+        return float(by.position[0, joints[rest].q])
+    if first == "end":
+        if name not in joints:
+            return float(by.output(rest)[-1])
+        values = by.velocity[-1, joints[name].v] if name != rest else by.position[-1, joints[name].q]
+        return float(values)
+    event = by.event(first)
+    if rest in ("time", "impulse", "energy_lost"):
+        return float(getattr(event, rest))
+    return float(event.velocity[joints[name].v] if name != rest else event.position[joints[name].q])

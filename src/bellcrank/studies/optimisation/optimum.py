@@ -1,0 +1,447 @@
+"""The result of `optimise`: the best design, what limits it, and how far that is certain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.cached_values import cached_property
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.files.csv_files import csv_text
+from bellcrank.files.json_files import write_json
+from bellcrank.notes import Note, ranked
+from bellcrank.scene.robot_file_entries import without_robot_file
+from bellcrank.scene.scene import Scene, load_scene
+from bellcrank.scene.source_mapping import plain
+from bellcrank.sizing.selection.written_config import check_target, moved
+from bellcrank.studies.optimisation.local_search import ACTIVE, AT_BOUND, CONVERGED, KEPT, Kkt
+from bellcrank.studies.sizing_runner import SizingRunner
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bellcrank.studies.optimisation.problem import DesignProblem
+
+Array = NDArray[np.float64]
+MOST_SHOWN = 5  # variables in a picture
+
+
+@dataclass(frozen=True)
+class Basin:
+    """A local optimum that was found: its objective, how many searches ended in it, and its values."""
+
+    objective: float
+    found: int
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Optimum:
+    """The result of `optimise`.
+
+    Attributes:
+        problem: What was looked for, with every design that was run.
+        point: The best design, each variable from 0 (its lower bound) to 1 (its upper bound).
+        found: Its objective, then the measures of its limits, SI units.
+        before: The same of the scene's own values; NaN where they are not known.
+        kkt: The residual and the scaled multipliers; None after an interruption.
+        reason: Why the search that found it ended.
+        blocked: Why the last design beside it was infeasible; empty where it was not.
+        basins: The local optima that were found, the best first.
+        searches: The number of local searches.
+        exact: The measures whose gradients were exact; the others' were differences.
+        samples: The number of Sobol points.
+        seed: Of the Sobol points.
+        history: The number of designs that were run, and the best objective so far.
+        complete: False after Ctrl-C.
+        plan_notes: Notes on the scene.
+
+    Example:
+        >>> import bellcrank as bc
+        >>> best = bc.optimise("four_bar", {"crank_length": (1.22, 1.24)}, minimise="lock.time", samples=16)
+        >>> best
+        Optimum('Deployable four-bar': lock.time 12.1086 s, a local optimum)
+    """
+
+    problem: DesignProblem
+    point: Array
+    found: Array
+    before: Array
+    kkt: Kkt | None
+    reason: str
+    blocked: str
+    basins: tuple[Basin, ...]
+    searches: int
+    exact: frozenset[str]
+    samples: int
+    seed: int
+    history: tuple[tuple[int, float], ...] = field(repr=False)
+    complete: bool
+    plan_notes: tuple[Note, ...] = field(default=(), repr=False)
+
+    def __repr__(self) -> str:
+        return f"Optimum('{self._base.name}': {self._measure(0, self.objective)}, {self.status})"
+
+    @property
+    def _base(self) -> Scene:
+        scene: Scene = self.problem.runner.scene  # type: ignore[attr-defined]
+        return scene
+
+    def _unit(self, k: int) -> str:
+        unit = self.problem.runner.units[self.problem.measures[k]]
+        return "" if unit == "1" else unit
+
+    def _measure(self, k: int, value: float) -> str:
+        return f"{self.problem.measures[k]} {value:.6g} {self._unit(k)}".rstrip()
+
+    # ---- the design
+
+    @property
+    def objective(self) -> float:
+        """The objective of the best design, SI units: the exact value, as `sweep` has it."""
+        return float(self.found[0])
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values of the variables by name, in the units of their bounds."""
+        numbers = self.problem.numbers(self.point[None])[0].tolist()
+        return {one.axis.path: number for one, number in zip(self.problem.variables, numbers, strict=True)}
+
+    @property
+    def measures(self) -> dict[str, float]:
+        """The objective and the measures of the limits at the best design, SI units."""
+        return dict(zip(self.problem.measures, self.found.tolist(), strict=True))
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether the best design keeps all limits, up to 1e-7 of the spread of their measures."""
+        return bool(self.problem.violation(self.found[None])[0] <= KEPT)
+
+    @property
+    def residual(self) -> float:
+        """The scaled residual of the first-order (Karush-Kuhn-Tucker) conditions; infinite where it is not known.
+
+        Its unit is the spread of the objective over the sample per width between the bounds of a variable.
+        """
+        return math.inf if self.kkt is None else self.kkt.residual
+
+    @property
+    def converged(self) -> bool:
+        """Whether it is a local optimum: the limits are kept, and the residual is at most 1e-6."""
+        return self.complete and self.keeps_limits and self.residual <= CONVERGED
+
+    @property
+    def status(self) -> str:
+        """What it is, in words."""
+        if not self.complete:
+            return "the best design so far"
+        if not self.keeps_limits:
+            return "no design that keeps the limits was found"
+        return "a local optimum" if self.converged else "the best design found, no local optimum"
+
+    @property
+    def at_bounds(self) -> dict[str, str]:
+        """The variables that are at a bound, with "lower" or "upper"."""
+        pairs = zip(self.problem.variables, self.point.tolist(), strict=True)
+        sides = {one.axis.path: "lower" if x < AT_BOUND else "upper" if x > 1.0 - AT_BOUND else "" for one, x in pairs}
+        return {name: side for name, side in sides.items() if side}
+
+    @property
+    def active_limits(self) -> tuple[str, ...]:
+        """The limits that the best design just keeps."""
+        excess = self.problem.excess(self.found[None])[0]
+        return tuple(str(limit) for limit, beyond in zip(self.problem.limits, excess, strict=True) if beyond > -ACTIVE)
+
+    @property
+    def multipliers(self) -> dict[str, float]:
+        """How the best objective changes per unit of each active limit and bound, in SI units of both.
+
+        A bound is named "NAME lower" or "NAME upper", in the unit in which it was given. Empty where not known.
+        """
+        if self.kkt is None:
+            return {}
+        problem, found = self.problem, dict[str, float]()
+        scale = problem.sign * problem.scales[0]
+        for k, limit in enumerate(problem.limits):
+            side = 1.0 if limit.relation == "=" else problem.side(k)
+            if str(limit) in self.active_limits:
+                found[str(limit)] = float(-scale * side * self.kkt.limits[k] / problem.scales[1 + k])
+        for variable, force in zip(problem.variables, self.kkt.bounds.tolist(), strict=True):
+            if side_of := self.at_bounds.get(variable.axis.path):
+                found[f"{variable.axis.path} {side_of}"] = -scale * force / variable.width
+        return {name: value + 0.0 for name, value in found.items()}
+
+    @property
+    def gradients(self) -> dict[str, str]:
+        """Whether the gradient of each measure was "exact" or by "differences"."""
+        return {name: "exact" if name in self.exact else "differences" for name in self.problem.measures}
+
+    @cached_property
+    def notes(self) -> tuple[Note, ...]:
+        """What to know about the result, what matters most first."""
+        problem, said = self.problem, list(self.plan_notes)
+        if not self.complete:
+            said.append(Note("the search was interrupted: the best design so far is no optimum", "changes"))
+        for limit, k in zip(problem.limits, range(len(problem.limits)), strict=True):
+            if problem.excess(self.found[None])[0, k] > KEPT:
+                said.append(Note(f"the limit {limit} is broken: {self._measure(1 + k, self.found[1 + k])}", "changes"))
+        if self.complete and self.keeps_limits and not self.converged:
+            value = f"{self.residual:.1e}" if math.isfinite(self.residual) else "not known"
+            said.append(Note(f"the residual is {value}, above {CONVERGED:g}: a better design may be near", "changes"))
+        if self.blocked and not self.converged:
+            said.append(Note(f"the search ended beside designs that cannot be run: {self.blocked}", "changes"))
+        for name, side in self.at_bounds.items():
+            said.append(Note(f"'{name}' is at its {side} bound: wider bounds may allow a better design"))
+        if self.converged:
+            more = f"{len(self.basins)} local optima were found" if len(self.basins) != 1 else "no other was found"
+            said.append(Note(f"it is a local optimum; {more}, and it is not proved that there is no better one"))
+        if isinstance(problem.runner, SizingRunner):
+            columns = problem.runner.run(problem.numbers(self.point[None]))
+            if columns.statuses[columns.status[0]] == "fail":
+                said.append(
+                    Note(f"the best design exceeds a rating that is no limit here: {columns.reasons[0]}", "changes")
+                )
+        return ranked(said)
+
+    # ---- the scene
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene with the best design. Raises InputError where the scene has no such values."""
+        values = zip(self.problem.variables, self.values.values(), strict=True)
+        try:
+            return self._base.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
+        except InputError as error:
+            raise InputError(f"the best design cannot be written as a scene: {error}") from None
+
+    def write_config(self, path: str | Path) -> Path:
+        """Write the best design as a scene file.
+
+        Args:
+            path: The YAML file, which is replaced in one step.
+
+        Returns:
+            Its path. Files that the scene names keep their places.
+
+        Raises:
+            InputError: The file cannot be written, or is the scene's own.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> path = best.write_config(pathlib.Path(tempfile.mkdtemp()) / "best.yaml")
+            >>> bc.load_scene(path).parameters["crank_length"].value
+            1.24
+        """
+        import yaml
+
+        target = arguments.path("path", path, "the path of a YAML file")
+        check_target(target, self.scene.config)
+        file = self.scene.config.file
+        data = self.scene.source_data if file is None else without_robot_file(self.scene.source_data, file)
+        data = moved(plain(data), self._base.source.resolve().parent, target.resolve().parent)
+        body = yaml.safe_dump(data, allow_unicode=True, sort_keys=False, width=120)
+        with writing(target) as temporary:
+            temporary.write_text(
+                f"# By bellcrank optimise: {self._measure(0, self.objective)}\n{body}", encoding="utf-8"
+            )
+            again = load_scene(temporary, trust=[Path(temporary.resolve().anchor)])
+            if not np.array_equal(again.parameter_values, self.scene.parameter_values):
+                raise BellcrankError(f"{target}: the file does not give the scene again (a fault of bellcrank)")
+        return target
+
+    # ---- tables and files
+
+    def _rows(self) -> list[tuple[str, str, float, float, str]]:
+        """Name, unit, before, best and remark of the variables, the objective and the limits."""
+        problem, rows, own = self.problem, [], self._before_values
+        for variable, (name, value) in zip(problem.variables, self.values.items(), strict=True):
+            at = self.at_bounds.get(name, "")
+            remark = f"{variable.lower:g} to {variable.upper:g}{f', at the {at} bound' if at else ''}"
+            rows.append((name, variable.axis.unit, own.get(name, math.nan), value, remark))
+        doing = "minimised" if problem.sign > 0.0 else "maximised"
+        limits = [f"{limit}{', active' if str(limit) in self.active_limits else ''}" for limit in problem.limits]
+        for k, remark in enumerate([doing, *limits]):
+            rows.append((problem.measures[k], self._unit(k), float(self.before[k]), float(self.found[k]), remark))
+        return rows
+
+    @property
+    def _before_values(self) -> Mapping[str, float]:
+        from bellcrank.studies.optimisation.present_design import present_point
+
+        point = present_point(self.problem)
+        if point is None:
+            return {}
+        numbers = self.problem.numbers(point[None])[0].tolist()
+        return {one.axis.path: number for one, number in zip(self.problem.variables, numbers, strict=True)}
+
+    def table(self) -> str:
+        """Format the result as text.
+
+        Returns:
+            Variables, objective and limits before and after, multipliers, and the optima that were found.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> print(best.table().splitlines()[1].split()[0])
+            crank_length
+        """
+        cells = [("", "before", "best", "")]
+        for name, unit, before, best, remark in self._rows():
+            shown = "" if math.isnan(before) else f"{before:.6g}"
+            cells.append((f"{name} [{unit}]" if unit else name, shown, f"{best:.8g}", remark))
+        widths = [max(len(row[k]) for row in cells) for k in range(3)]
+        lines = [
+            f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells
+        ]
+        for name, value in self.multipliers.items():
+            change = f"{value:.4g} {self._unit(0)}".rstrip()
+            lines.append(f"per SI unit of '{name}', {self.problem.measure} changes by {change}")
+        count = f"{self.problem.count} designs were run, {self.samples} of them Sobol points (seed {self.seed})"
+        lines.append(f"{self.status}: residual {self.residual:.1e}; {count}")
+        for basin in self.basins:
+            lines.append(
+                f"  {self._measure(0, basin.objective)}: found by {basin.found} of {self.searches} local searches"
+            )
+        differences = ", ".join(dict.fromkeys(name for name, how in self.gradients.items() if how != "exact"))
+        lines.append(f"gradients: {f'differences of {differences}' if differences else 'exact'}")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as data for JSON.
+
+        Returns:
+            Values in the units that are stated; None where a number is not known.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> best.as_dict()["status"]
+            'a local optimum'
+        """
+
+        def known(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
+        return {
+            "scene": self._base.name,
+            "status": self.status,
+            "complete": self.complete,
+            "table": [
+                {"name": name, "unit": unit, "before": known(before), "best": known(best), "remark": remark}
+                for name, unit, before, best, remark in self._rows()
+            ],
+            "at_bounds": self.at_bounds,
+            "active_limits": list(self.active_limits),
+            "multipliers": self.multipliers,
+            "residual": known(self.residual),
+            "gradients": self.gradients,
+            "basins": [{"objective": it.objective, "found": it.found, "values": list(it.values)} for it in self.basins],
+            "searches": self.searches,
+            "samples": self.samples,
+            "seed": self.seed,
+            "designs": self.problem.count,
+            "history": [list(pair) for pair in self.history],
+            "notes": [note.to_dict() for note in self.notes],
+        }
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write `as_dict` as JSON.
+
+        Args:
+            path: The file, which is replaced in one step.
+
+        Returns:
+            Its path.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> best.to_json(pathlib.Path(tempfile.mkdtemp()) / "optimum.json").name
+            'optimum.json'
+        """
+        return write_json(arguments.path("path", path, "the path of a file"), self.as_dict(), indent=2)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write every design that was run as CSV: variables, objective, measures of limits, and why it is infeasible.
+
+        Args:
+            path: The file, which is replaced in one step.
+
+        Returns:
+            Its path. The header names units; cells of infeasible designs are empty.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc, pathlib, tempfile
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> best.to_csv(pathlib.Path(tempfile.mkdtemp()) / "designs.csv").read_text().split(",")[0]
+            'crank_length [m]'
+        """
+        problem = self.problem
+        head: list[object] = [one.axis.label for one in problem.variables]
+        head += [f"{name} [{self._unit(k) or '1'}]" for k, name in enumerate(problem.measures)]
+        rows: list[Sequence[object]] = [[*head, "reason"]]
+        numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
+        for k, (own, found) in enumerate(zip(numbers.tolist(), values.tolist(), strict=True)):
+            cells = ["" if math.isnan(value) else value for value in found]
+            rows.append([*own, *cells, problem.reasons.get(k, "")])
+        target = arguments.path("path", path, "the path of a file")
+        write_text(target, csv_text(rows))
+        return target
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the best objective over the designs that were run, and the objective of all designs over each variable.
+
+        Args:
+            path: Where the picture is written (PNG); None: nowhere.
+
+        Returns:
+            A matplotlib figure.
+
+        Raises:
+            InputError: The file cannot be written.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
+            >>> len(best.plot().axes)
+            2
+        """
+        from bellcrank.plot_style import DPI, colour, literal, new_figure, plain, save_figure
+
+        problem = self.problem
+        shown = problem.variables[:MOST_SHOWN]
+        figure = new_figure(3.2 * (1 + len(shown)), 3.4)
+        axes = np.atleast_1d(figure.subplots(1, 1 + len(shown)))
+        values, numbers = np.concatenate(problem.values), problem.numbers(np.concatenate(problem.points))
+        kept = problem.violation(values) <= KEPT
+        label = f"{problem.measure} [{self._unit(0) or '1'}]"
+        axes[0].step(*zip(*self.history, strict=True), where="post", color=colour(0))
+        axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far")
+        for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):
+            axis.plot(numbers[~kept, k], values[~kept, 0], ".", color="0.75", markersize=3, label="breaks a limit")
+            axis.plot(numbers[kept, k], values[kept, 0], ".", color=colour(0), markersize=3, label="keeps the limits")
+            axis.plot(self.values[variable.axis.path], self.objective, "D", color=colour(1), label="best")
+            axis.set(xlabel=literal(variable.axis.label), ylabel=literal(label))
+        axes[-1].legend(fontsize="small")
+        for axis in axes:
+            plain(axis)
+        if path is not None:
+            with writing(arguments.path("path", path, "the path of a picture")) as temporary:
+                save_figure(figure, temporary, "png", dpi=DPI)
+        return figure

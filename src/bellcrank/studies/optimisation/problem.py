@@ -1,0 +1,168 @@
+"""A search for the best design as a problem of numbers: variables from 0 to 1, an objective and limits of measures.
+
+Designs are run by the runner of a sweep, many at once, and have the sweep's measures. A design that cannot be built, or
+whose run does not reach its target, is infeasible: its numbers are NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.studies.axes import Axis
+from bellcrank.studies.columns import Columns
+from bellcrank.studies.design_runner import DesignRunner, StudyInterrupted
+from bellcrank.studies.exceedance import Limit
+from bellcrank.studies.sizing_measures import INFEASIBLE
+from bellcrank.studies.sizing_runner import SizingRunner
+
+Array = NDArray[np.float64]
+BLOCK = 4096  # designs of one call of the runner
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """A number that is varied, with its bounds in the unit of its axis."""
+
+    axis: Axis
+    lower: float
+    upper: float
+
+    @property
+    def width(self) -> float:
+        """Upper less lower bound."""
+        return self.upper - self.lower
+
+
+@dataclass(eq=False)
+class DesignProblem:
+    """What is looked for, and every design that was run.
+
+    Attributes:
+        runner: Runs designs.
+        variables: What is varied.
+        measure: The objective.
+        sign: 1 to make it small, −1 to make it large.
+        limits: Conditions that designs are to keep.
+        threads: How many threads run designs.
+        progress: Called with the number of designs that were run.
+        scales: Of the objective and of each limit: the spread of their measures over the sample.
+        points: The designs that were run, from 0 to 1, (n, variables).
+        values: Objective, then the measures of the limits (n, 1 + limits); NaN where infeasible.
+        reasons: Why designs are infeasible, by row.
+    """
+
+    runner: DesignRunner
+    variables: tuple[Variable, ...]
+    measure: str
+    sign: float
+    limits: tuple[Limit, ...]
+    threads: int
+    progress: Callable[[int], object]
+    scales: Array = field(init=False)
+    points: list[Array] = field(default_factory=list)
+    values: list[Array] = field(default_factory=list)
+    reasons: dict[int, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.scales = np.ones(1 + len(self.limits))
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The measures of the objective and of the limits."""
+        return (self.measure, *(limit.measure for limit in self.limits))
+
+    @property
+    def count(self) -> int:
+        """The number of designs that were run."""
+        return sum(map(len, self.points))
+
+    def numbers(self, points: Array) -> Array:
+        """Values (n, variables) in the units of the axes, of points from 0 to 1."""
+        lower, upper = (np.array([getattr(one, name) for one in self.variables]) for name in ("lower", "upper"))
+        return np.asarray(np.where(points == 1.0, upper, lower + points * (upper - lower)))
+
+    def point(self, numbers: Sequence[float]) -> Array:
+        """The point (variables,) of values in the units of the axes."""
+        lower, width = (np.array([getattr(one, name) for one in self.variables]) for name in ("lower", "width"))
+        return np.asarray((np.array(numbers) - lower) / width)
+
+    def run(self, points: Array) -> Array:
+        """Objective and measures of limits (n, 1 + limits) of designs; NaN where infeasible.
+
+        Raises StudyInterrupted on Ctrl-C, once the designs that are done are kept.
+        """
+        found = []
+        for first in range(0, len(points), BLOCK):
+            part, before = points[first : first + BLOCK], self.count
+            rows = np.arange(len(part))
+            try:
+                columns = self.runner.run(
+                    self.numbers(part), threads=self.threads, progress=partial(self._report, before)
+                )
+            except StudyInterrupted as stopped:
+                self._keep(part[stopped.rows], stopped.columns)
+                raise
+            found.append(self._keep(part[rows], columns))
+            self.progress(self.count)
+        return np.concatenate(found) if found else np.zeros((0, len(self.measures)))
+
+    def _report(self, before: int, done: int) -> None:
+        self.progress(before + done)
+
+    def _keep(self, points: Array, columns: Columns) -> Array:
+        reasons = dict(columns.reasons)
+        if isinstance(self.runner, SizingRunner):  # a design that exceeds a rating has been sized all the same
+            out = columns.statuses.index(INFEASIBLE) if len(columns) else 0
+            reasons = {row: text for row, text in reasons.items() if columns.status[row] == out}
+        values = np.stack([columns.measures[name] for name in self.measures], axis=1)
+        for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
+            reasons.setdefault(row, columns.reasons.get(row, f"it does not have {' and '.join(set(self.measures))}"))
+        values[list(reasons)] = np.nan
+        self.reasons |= {self.count + row: text for row, text in reasons.items()}
+        self.points.append(points)
+        self.values.append(values)
+        return values
+
+    # ---- scaled numbers
+
+    def set_scales(self, values: Array) -> None:
+        """Take the spread of the measures over a sample (n, 1 + limits) as their scales."""
+        for k, column in enumerate(values.T):
+            known = column[np.isfinite(column)]
+            spread = float(np.subtract(*np.quantile(known, [0.9, 0.1]))) if len(known) else 0.0
+            self.scales[k] = spread if spread > 0.0 else max(abs(float(known[0])) if len(known) else 1.0, 1e-12)
+
+    def objective(self, values: Array) -> Array:
+        """The scaled objective (n,), to be made small."""
+        return np.asarray(self.sign * values[:, 0] / self.scales[0])
+
+    def excess(self, values: Array) -> Array:
+        """By how much designs (n, 1 + limits) break each limit (n, limits), scaled; negative where they keep it."""
+        found = np.zeros((len(values), len(self.limits)))
+        for k, limit in enumerate(self.limits):
+            beyond = (values[:, 1 + k] - limit.value) / self.scales[1 + k]
+            found[:, k] = np.abs(beyond) if limit.relation == "=" else self.side(k) * beyond
+        return found
+
+    def side(self, k: int) -> float:
+        """1 where a limit bounds its measure from above, −1 from below."""
+        return -1.0 if self.limits[k].relation.startswith(">") else 1.0
+
+    def violation(self, values: Array) -> Array:
+        """The sum (n,) of what designs break of the limits, scaled; infinite where they are infeasible."""
+        total = np.maximum(self.excess(values), 0.0).sum(axis=1)
+        return np.asarray(np.where(np.isfinite(values).all(axis=1), total, np.inf))
+
+    def best(self, tolerance: float) -> int | None:
+        """The row of the best of all designs: of those that keep the limits, else the one that breaks them least."""
+        values = np.concatenate(self.values) if self.values else np.zeros((0, 1))
+        if not np.isfinite(values).all(axis=1).any():
+            return None
+        broken = self.violation(values)
+        broken[broken <= tolerance] = 0.0
+        return int(np.lexsort((self.objective(values), broken))[0])
