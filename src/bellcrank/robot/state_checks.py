@@ -69,4 +69,4 @@ def all_finite(x: Array) -> bool:
 
     Not by `np.vdot`: BLAS divides it among threads, whose waiting takes 100 times as long where processors are busy.
     """
-    return math.isfinite(sum(x.tolist()) if x.ndim == 1 else np.einsum("ij->", x))
+    return math.isfinite(sum(x.tolist()) if x.ndim == 1 else np.einsum("i->", x.ravel(order="K")))
