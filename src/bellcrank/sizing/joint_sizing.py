@@ -201,6 +201,13 @@ class JointSizing:
         return () if self.shaft is None else self.shaft.unknown_limits(f"joint '{self.name}'")
 
     @property
+    def beyond_range(self) -> str:
+        """A sentence where the joint leaves its position range; else empty."""
+        if self.position_margin is None or self.position_margin >= -(1e-9 + OVERSHOOT * self.position_noise):
+            return ""
+        return f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {self.position_unit}"
+
+    @property
     def exceeded(self) -> tuple[str, ...]:
         """A sentence for each limit that is not kept."""
         found = []
@@ -214,10 +221,8 @@ class JointSizing:
                 f"joint '{self.name}' reaches {self.peak_speed:.4g} {self.speed_unit}, "
                 f"the URDF's velocity limit is {self.velocity_limit:.4g} {self.speed_unit}"
             )
-        if self.position_margin is not None and self.position_margin < -(1e-9 + OVERSHOOT * self.position_noise):
-            found.append(
-                f"joint '{self.name}' leaves its position range by {-self.position_margin:.4g} {self.position_unit}"
-            )
+        if self.beyond_range:
+            found.append(self.beyond_range)
         if self.shaft is not None:
             found += self.shaft.exceeded_limits(f"joint '{self.name}'")
         return tuple(found)

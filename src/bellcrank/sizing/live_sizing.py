@@ -289,6 +289,8 @@ class _Settings:
             ("coulomb", robot.coulomb, ("N m", "N")),
         ):
             for one in robot.joints:
+                if config is not None and one.name in config.without_friction:  # the scene's dry friction counts there
+                    continue
                 value, sized = float(values[one.v]), next((j for j in sizing.joints if j.name == one.name), None)
                 most = 1.0 if sized is None else FRICTION * sized.peak_torque
                 if sized is not None and kind == "viscous" and sized.peak_speed:
@@ -372,8 +374,8 @@ def _torques(
         casadi.SX(0, 1), *(one.value for one in own.values()), *(p[place] for place in settings.targets.values())
     )
     friction = [
-        casadi.vertcat(*(p[settings.place(kind, joint.name)] for joint in robot.joints))
-        for kind in ("viscous", "coulomb")
+        casadi.vertcat(*(settings.symbol(p, kind, joint.name, float(stated[joint.v])) for joint in robot.joints))
+        for kind, stated in (("viscous", robot.viscous), ("coulomb", robot.coulomb))
     ]
     return function(*states, values, 0.0, *friction)
 

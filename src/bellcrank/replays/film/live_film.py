@@ -18,6 +18,7 @@ from bellcrank.sizing.joint_sizing import JointSizing
 from bellcrank.sizing.live_motion import MotionPieces, motion_pieces
 from bellcrank.sizing.live_sizing import EFFORT, FIGURES, VELOCITY, LiveSizing, live_sizing
 from bellcrank.sizing.result import Sizing
+from bellcrank.sizing.tables import verdict
 
 Array = NDArray[np.float64]
 NOT_RECOMPUTED = (
@@ -61,13 +62,24 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
         "all_joints": [joint.name for joint in sizing.inputs.mechanism.robot.joints],
         "uses": [[[joint.name for joint in sizing.joints].index(use.joint), use.name, use.place] for use in live.uses],
         "stored": _stored(sizing, live),
-        "exceeded": [text for joint in sizing.joints for text in joint.exceeded if "position range" in text],
+        "exceeded": [text for joint in sizing.joints if (text := joint.beyond_range)],
         "undetermined": [str(text) for text in sizing.undetermined],
-        "system": [one.name for one in sizing.system],
+        "unjudged": _unjudged(sizing),
         "not_recomputed": NOT_RECOMPUTED,
         "command": _command(sizing),
     }
     return LiveFilm(content=content, blocks=(live.sample, live.verdict, _planes(np.concatenate(numbers))))
+
+
+def _unjudged(sizing: Sizing) -> list[str]:
+    """What the verdict of a sizing depends on besides limits of joints and motors, and the page does not recompute."""
+    assert sizing.inputs is not None
+    rows = [
+        f"whether the rows of motion '{motion.name}' determine its peaks"
+        for motion in sizing.inputs.motions
+        if motion.interpolated.any()
+    ]
+    return [*rows, *(f"all axes together: {one.name}" for one in sizing.system)]
 
 
 def _columns(states: Array) -> Array:
@@ -130,7 +142,17 @@ def _stored(sizing: Sizing, live: LiveSizing) -> dict[str, Any]:
         margins = {} if joint.shaft is None else joint.shaft.margins
         margin = {EFFORT: joint.effort_margin, VELOCITY: joint.velocity_margin}.get(use.name, margins.get(use.name))
         uses.append(None if margin is None else 1.0 - margin)
-    return {"figures": [value for each in figures for value in each], "uses": uses, "inside": sizing.inside}
+    sentence, *others = verdict(sizing).split("\n")
+    word, _, rest = sentence.partition(": ")
+    listed = [text.removeprefix("  - ") for text in others if text.startswith("  - ")]
+    certain = sizing.verified and not sizing.unknown and any(use is not None for use in uses)
+    return {
+        "figures": [value for each in figures for value in each],
+        "uses": uses,
+        "good": certain or (None if sizing.inside else False),
+        "word": word.capitalize() if word.isupper() else word,
+        "sentences": [text for text in (rest, *listed) if text],
+    }
 
 
 def _command(sizing: Sizing) -> dict[str, Any] | None:

@@ -29,7 +29,7 @@ async function loadFunctions(live) {
     const pieces = Array.from({ length: motion.pieces }, (_, k) => ({ quintic: cuts[3 * k], low: cuts[3 * k + 1], high: cuts[3 * k + 2] }));
     const still = take(rests.length);
     doubles.set(rests, still);
-    return { ...motion, time, length, pieces, states, still };
+    return { ...motion, loads: live.joints.length, time, length, pieces, states, still };
   });
 
   const env = { ...Object.fromEntries(Object.getOwnPropertyNames(Math).map((name) => [name, Math[name]])), fmod: (a, b) => a % b,

@@ -110,12 +110,13 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
       facts.classList.toggle("bad", original.bad);
       return;
     }
-    const { word, good, sentences } = verdictOf(state);
+    const { word, good, sentences, open } = verdictOf(state);
     const names = live.joints.map(({ name }) => name);
     const [n, { figures }] = [names.length, state.result];
     const pair = (name, value) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value }));
     const kept = original.facts.filter((each) => ["motions", "robot", "bellcrank"].includes(each.firstChild.textContent));
     facts.replaceChildren(pair("verdict for the changed values", [word, ...sentences.slice(0, 1)].join(": ")),
+      ...open.length ? [pair("not recomputed", open.join("; "))] : [],
       ...names.map((name, k) => pair(name, `peak ${formatNumber(figures[k])} ${live.joints[k].torque_unit}, RMS ${formatNumber(figures[n + k])} ${live.joints[k].torque_unit}`)), ...kept);
     facts.classList.toggle("bad", good === false);
   }

@@ -1,5 +1,7 @@
 // ---- the controls of a live page: the verdict, fields and sliders, a table of joints, and the bar of changes
 
+const MOST_SENTENCES = 6;  // of a verdict
+
 /** The section at the top of the panel, and the bar above the page; both follow the state. */
 function makeLivePanel(panel, state) {
   const { live } = state;
@@ -22,7 +24,8 @@ function makeLivePanel(panel, state) {
 
   const word = element("b", {});
   const sentences = element("ul", {});
-  const verdict = element("div", { className: "live-verdict", role: "status" }, word, sentences);
+  const open = element("p", { className: "about" });
+  const verdict = element("div", { className: "live-verdict", role: "status" }, word, sentences, open);
   const message = element("p", { className: "live-message", role: "alert", hidden: true });
   const fields = live.settings.map((setting, k) => makeField(state, setting, k));
   const groups = element("div", { className: "groups" }, ...[...new Set(live.settings.map(({ group }) => group))].map((group, number) =>
@@ -40,7 +43,11 @@ function makeLivePanel(panel, state) {
     const found = verdictOf(state);
     word.textContent = found.word;
     verdict.className = `live-verdict ${found.good ? "good" : found.good === null ? "partial" : "bad"}`;
-    sentences.replaceChildren(...found.sentences.slice(0, 6).map((textContent) => element("li", { textContent })));
+    const more = found.sentences.length - MOST_SENTENCES;
+    const texts = more > 0 ? [...found.sentences.slice(0, MOST_SENTENCES), `and ${more} more`] : found.sentences;
+    sentences.replaceChildren(...texts.map((textContent) => element("li", { textContent })));
+    open.hidden = !found.open.length;
+    open.textContent = `Not recomputed: ${found.open.join("; ")}.`;
     message.hidden = !state.message;
     message.textContent = state.message;
     for (const field of fields) field.show();

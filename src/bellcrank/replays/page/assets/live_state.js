@@ -92,17 +92,17 @@ function agreementOf(live, { figures, uses }) {
   return worst;
 }
 
-/** The verdict on the values: a word, whether it is good, and sentences. */
+/** The verdict on the values: a word; whether it is good, null where that is not known; sentences; and what is not recomputed. */
 function verdictOf({ live, changed, result }) {
+  if (!changed.length) return { ...live.stored, open: [] };
   const beyond = live.uses.filter(([, , place]) => place !== null && result.exceeded[place]);
   const texts = beyond.map(([joint, name, place]) => `${live.joints[joint].name}: ${name} is exceeded by ${formatNumber(100 * (result.uses[place] - 1), 3)} %`);
   const sentences = [...texts, ...live.exceeded];
-  if (!changed.length) return { word: live.stored.inside ? "Inside" : live.undetermined.length && !sentences.length ? "Not known" : "Exceeded", good: live.stored.inside, sentences };
-  if (sentences.length) return { word: "Exceeded", good: false, sentences };
-  const lost = live.uses.filter(([, , place]) => place === null).map(([joint, name]) => `${live.joints[joint].name}: ${name}`);
-  if (live.undetermined.length) return { word: "Not known", good: false, sentences: live.undetermined };
-  if (lost.length || live.system.length) return { word: "Inside as far as recomputed", good: null, sentences: [`not recomputed: ${[...lost, ...live.system].join(", ")}`] };
-  return { word: "Inside", good: true, sentences };
+  const open = [...live.uses.filter(([, , place]) => place === null).map(([joint, name]) => `${live.joints[joint].name}: ${name}`), ...live.unjudged];
+  if (sentences.length) return { word: "Exceeded", good: false, sentences, open };
+  if (live.undetermined.length) return { word: "Not known", good: false, sentences: live.undetermined.map((text) => `in the sizing: ${text}`), open };
+  if (!result.uses.length) return { word: "Nothing to compare with", good: null, sentences: ["no limit is recomputed"], open };
+  return open.length ? { word: "Inside as far as recomputed", good: null, sentences, open } : { word: "All inside", good: true, sentences, open };
 }
 
 /** The largest known use of the limits of a joint: [name, use], or null. */
