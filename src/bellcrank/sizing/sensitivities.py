@@ -202,8 +202,7 @@ class _MotionLoads:
         loads = JointLoads(mechanism, sizing.inputs.actuators, 0.0)
         self._rotor, self._columns = loads.rotor_inertia, loads.columns
         probes = reversal_times(motion, coulomb_widths(mechanism))
-        reversing = loads.nominal_torque if loads.actuators else None
-        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.squared, reversing)
+        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.squared)
         g = self.grid
         self.loads, self.speed = self._at(g.force_time, g.position, g.velocity, g.acceleration)
 

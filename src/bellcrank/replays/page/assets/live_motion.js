@@ -4,7 +4,6 @@ const PARTS = 300;  // of a whole motion, at least
 const NODES = [0.5 - Math.sqrt(0.15), 0.5, 0.5 + Math.sqrt(0.15)];  // of Gauss and Legendre's rule
 const WEIGHTS = [5 / 18, 8 / 18, 5 / 18];
 const [HALVINGS, SETTLED, LEAST_SUM] = [16, 1e-10, 1e-12];  // a part is halved until that changes no sum by this share of it
-const BISECTIONS = 45;  // of a part in which a load changes its sign
 const MOST_SAMPLES = 200_000;
 const [CANDIDATES, CLOSE, PROBES, NARROWINGS, ROUNDED] = [6, 0.02, 9, 13, 4e-16];  // local maxima that are refined
 
@@ -33,15 +32,12 @@ function alongMotion(functions, motion, factor) {
   for (let piece = 0; piece < motion.pieces.length; piece++) {
     const { quintic, low, high } = motion.pieces[piece];
     const count = Math.max(1, Math.ceil(PARTS * (high - low) * motion.length[quintic] / motion.duration - 1e-9));
-    const edges = Array.from({ length: count + 1 }, (_, k) => low + (high - low) * k / count);
-    for (const edge of edges) at(piece, edge);
-    const ends = samples.slice(-edges.length).map((sample) => sample.shown);
-    const cuts = edges.slice(1).flatMap((edge, k) => signChanges(functions, motion, factor, piece, [edges[k], edge], [ends[k], ends[k + 1]], shown));
-    const all = [...new Set([...edges, ...cuts])].sort((a, b) => a - b);
-    all.slice(1).forEach((edge, k) => {
-      const part = { piece, low: all[k], high: edge };
+    for (let k = 0; k < count; k++) {
+      const part = { piece, low: low + (high - low) * k / count, high: low + (high - low) * (k + 1) / count };
+      at(piece, part.low);
+      if (k === count - 1) at(piece, part.high);
       parts.push({ ...part, sum: sumOver(part) });
-    });
+    }
   }
   const whole = new Float64Array(rates.length);
   for (const { sum } of parts) add(whole, sum);
@@ -66,22 +62,6 @@ function alongMotion(functions, motion, factor) {
     for (let j = 0; j < most.length; j++) most[j] = Math.max(most[j], sizes[j]);
   }
   return { mean: total.map((value) => value / motion.duration), most, samples };
-}
-
-/** Where a load, one of the first numbers of `shown`, changes its sign between two shares of a piece: the torque at a shaft bends there. */
-function signChanges(functions, motion, factor, piece, [from, to], [first, last], shown) {
-  const found = [];
-  for (let j = 0; j < motion.loads; j++) {
-    if (!(first[j] * last[j] < 0)) continue;
-    let [low, high] = [from, to];
-    for (let turn = 0; turn < BISECTIONS; turn++) {
-      const middle = 0.5 * (low + high);
-      functions.at(motion, piece, middle, factor);
-      if (shown[j] * first[j] > 0) low = middle; else high = middle;
-    }
-    found.push(low);
-  }
-  return found;
 }
 
 /** The largest value of one size: that of the samples, refined between them. */
