@@ -1,13 +1,14 @@
 """Random four-bars found again from 20 of their own coupler points, with and without the crank's angles.
 
-`python -m tests.campaigns.four_bars_from_their_points [COUNT] [SEED] [timed|untimed]` from the repository: of each kind
-COUNT linkages (default 1000), with a line after each 50. A curve counts as found where it is within 1e-8 of its size;
-cognates count, since theirs is the same.
+Each kind has as many cases as are asked for, with a line after each 50. A curve counts as found where it is within 1e-8
+of its size; cognates count, since theirs is the same.
+
+python -m tests.campaigns.four_bars_from_their_points --cases 1000 --seed 0 --kind untimed
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 
 import numpy as np
@@ -30,8 +31,13 @@ def recovered(number: int, seed: int, timed: bool) -> bool:
 
 
 def main() -> None:
-    count, seed = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 1000), (2, 0)))
-    for kind in sys.argv[3:] or BARS:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kind", choices=BARS)
+    given = parser.parse_args()
+    count, seed = given.cases, given.seed
+    for kind in BARS if given.kind is None else (given.kind,):
         begun, missed = time.process_time(), list[int]()
         for k in range(count):
             if not recovered(k, seed, kind == "timed"):
