@@ -12,7 +12,7 @@ from bellcrank.cli import main
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.exceedance import parse_limit
 from bellcrank.studies.optimisation.gradients import Gradients
-from bellcrank.studies.optimisation.optimise import Request, plan_search
+from bellcrank.studies.optimisation.request import Request, plan_search
 
 LENGTHS = {"crank_length": (1.2, 1.24), "rocker_length": (1.2, 1.24)}
 SMALL = {"samples": 32, "starts": 2, "threads": 1}
@@ -131,6 +131,7 @@ def test_ctrl_c_keeps_the_best_design_so_far() -> None:
     best = bc.optimise("four_bar", LENGTHS, minimise="lock.time", samples=64, progress=stop, threads=1)
     assert not best.complete and not best.converged and np.isfinite(best.objective)
     assert "interrupted" in str(best.notes) and best.status == "the best design so far"
+    assert best.history[-1][1] == best.objective and len(best.plot().axes) == 3
 
 
 def test_limits_that_no_design_keeps_are_named() -> None:
