@@ -85,16 +85,7 @@ class Optimum:
     complete: bool
 
     def __repr__(self) -> str:
-        return f"Optimum('{self.problem.scene.name}': {self.measure_of(0, self.objective)}, {self.status})"
-
-    def unit_of(self, k: int) -> str:
-        """The unit of the objective (0) or of a limit's measure (from 1 on); empty where it has none."""
-        unit = self.problem.runner.units[self.problem.measures[k]]
-        return "" if unit == "1" else unit
-
-    def measure_of(self, k: int, value: float) -> str:
-        """The name of that measure with a value of it."""
-        return f"{self.problem.measures[k]} {value:.6g} {self.unit_of(k)}".rstrip()
+        return f"Optimum('{self.problem.scene.name}': {self.problem.measure_of(0, self.objective)}, {self.status})"
 
     # ---- the design
 
@@ -190,7 +181,7 @@ class Optimum:
         for k, (limit, beyond) in enumerate(zip(problem.limits, problem.excess(self.found[None])[0], strict=True)):
             if beyond > KEPT:
                 said.append(
-                    Note(f"the limit {limit} is broken: {self.measure_of(1 + k, self.found[1 + k])}", "changes")
+                    Note(f"the limit {limit} is broken: {self.problem.measure_of(1 + k, self.found[1 + k])}", "changes")
                 )
         if self.complete and self.keeps_limits and not self.converged:
             value = f"{self.residual:.1e}" if math.isfinite(self.residual) else "not known"
@@ -252,7 +243,7 @@ class Optimum:
         data = moved(plain(data), self.problem.scene.source.resolve().parent, target.resolve().parent)
         body = yaml.safe_dump(data, allow_unicode=True, sort_keys=False, width=120)
         with writing(target) as temporary:
-            head = f"# By bellcrank optimise: {self.measure_of(0, self.objective)}, {self.status}"
+            head = f"# By bellcrank optimise: {self.problem.measure_of(0, self.objective)}, {self.status}"
             temporary.write_text(f"{head}\n{body}", encoding="utf-8")
             again = load_scene(temporary, trust=[Path(temporary.resolve().anchor)])
             if not np.array_equal(again.parameter_values, self.scene.parameter_values):

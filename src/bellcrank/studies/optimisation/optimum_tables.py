@@ -35,7 +35,13 @@ def rows_of(result: Optimum) -> list[tuple[str, str, float, float, str]]:
 
 
 def _row(result: Optimum, k: int, remark: str) -> tuple[str, str, float, float, str]:
-    return result.problem.measures[k], result.unit_of(k), float(result.before[k]), float(result.found[k]), remark
+    return (
+        result.problem.measures[k],
+        result.problem.unit_of(k),
+        float(result.before[k]),
+        float(result.found[k]),
+        remark,
+    )
 
 
 def text_table(result: Optimum) -> str:
@@ -48,13 +54,13 @@ def text_table(result: Optimum) -> str:
     widths = [max(len(row[k]) for row in cells) for k in range(3)]
     lines = [f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells]
     for name, value in result.multipliers.items():
-        change = f"{value:.4g} {result.unit_of(0)}".rstrip()
+        change = f"{value:.4g} {result.problem.unit_of(0)}".rstrip()
         lines.append(f"per SI unit of '{name}', {problem.measure} changes by {change}")
     count = f"{problem.count} designs were run, {result.samples} of them Sobol points (seed {result.seed})"
     lines.append(f"{result.status}: residual {result.residual:.1e}; {count}")
     for basin in result.basins:
         found = f"found by {basin.found} of {result.searches} local searches"
-        lines.append(f"  {result.measure_of(0, basin.objective)}: {found}")
+        lines.append(f"  {result.problem.measure_of(0, basin.objective)}: {found}")
     differences = ", ".join(dict.fromkeys(name for name, how in result.gradients.items() if how != "exact"))
     lines.append(f"gradients: {f'differences of {differences}' if differences else 'exact'}")
     return "\n".join(lines)
@@ -64,7 +70,7 @@ def designs_table(result: Optimum) -> list[Sequence[object]]:
     """A header with units, and a row for each design: variables, measures, and why it is infeasible."""
     problem = result.problem
     head: list[object] = [one.axis.label for one in problem.variables]
-    head += [f"{name} [{result.unit_of(k) or '1'}]" for k, name in enumerate(problem.measures)]
+    head += [f"{name} [{result.problem.unit_of(k) or '1'}]" for k, name in enumerate(problem.measures)]
     rows: list[Sequence[object]] = [[*head, "reason"]]
     numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
     for k, (own, found) in enumerate(zip(numbers.tolist(), values.tolist(), strict=True)):
@@ -83,7 +89,7 @@ def designs_figure(result: Optimum) -> Figure:
     axes = np.atleast_1d(figure.subplots(1, 1 + len(shown)))
     values, numbers = np.concatenate(problem.values), problem.numbers(np.concatenate(problem.points))
     kept = problem.violation(values) <= KEPT
-    label = f"{problem.measure} [{result.unit_of(0) or '1'}]"
+    label = f"{problem.measure} [{result.problem.unit_of(0) or '1'}]"
     axes[0].step(*zip(*result.history, strict=True), where="post", color=colour(0))
     axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far" if kept.any() else "nearest so far")
     for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):

@@ -85,6 +85,15 @@ class DesignProblem:
         """The measures of the objective and of the limits."""
         return (self.measure, *(limit.measure for limit in self.limits))
 
+    def unit_of(self, k: int) -> str:
+        """The unit of the objective (0) or of a limit's measure (from 1 on); empty where it has none."""
+        unit = self.runner.units[self.measures[k]]
+        return "" if unit == "1" else unit
+
+    def measure_of(self, k: int, value: float) -> str:
+        """The name of that measure with a value of it."""
+        return f"{self.measures[k]} {value:.6g} {self.unit_of(k)}".rstrip()
+
     @property
     def count(self) -> int:
         """The number of designs that were run."""
