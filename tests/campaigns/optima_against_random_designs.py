@@ -1,11 +1,11 @@
-"""The optima of the tutorial against 10,000 random designs each.
+"""The optima of the tutorial against random designs.
 
-`python -m tests.campaigns.optima_against_random_designs [COUNT] [SEED]` from the repository.
+python -m tests.campaigns.optima_against_random_designs --cases 10000 --seed 0
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -22,9 +22,12 @@ def told(name: str, rivals: Rivals) -> str:
 
 
 def main() -> None:
-    count, seed = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 10000), (2, 0)))
-    print(told("four-bar that locks soonest", lock_rivals(count, seed)), flush=True)
-    print(told("balanced arm", arm_rivals(count, seed)), flush=True)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    print(told("four-bar that locks soonest", lock_rivals(given.cases, given.seed)), flush=True)
+    print(told("balanced arm", arm_rivals(given.cases, given.seed)), flush=True)
 
 
 if __name__ == "__main__":

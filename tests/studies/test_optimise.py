@@ -12,7 +12,7 @@ from bellcrank.cli import main
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.exceedance import parse_limit
 from bellcrank.studies.optimisation.gradients import Gradients
-from bellcrank.studies.optimisation.optimise import Request, plan_search
+from bellcrank.studies.optimisation.request import Request, plan_search
 
 LENGTHS = {"crank_length": (1.2, 1.24), "rocker_length": (1.2, 1.24)}
 SMALL = {"samples": 32, "starts": 2, "threads": 1}
@@ -92,7 +92,7 @@ def test_no_random_design_beats_an_optimum_of_the_tutorial(rivals) -> None:
 def test_exact_gradients_are_those_of_differences(scene, size, vary, measures) -> None:
     limits = [f"{name} <= 1e6" for name in measures[1:]]
     asked = Request(vary, minimise=measures[0], limits=limits, size=size)
-    _, problem, _, _ = plan_search(bc.load_scene(scene), asked, 1)
+    problem, _, _ = plan_search(bc.load_scene(scene), asked, 1)
     point = np.full(len(problem.variables), 0.4)
     if scene == "four_bar":
         point = np.array([0.98, 0.02])  # far from the outstretched crank, where the lock's angle has a square root
@@ -131,12 +131,50 @@ def test_ctrl_c_keeps_the_best_design_so_far() -> None:
     best = bc.optimise("four_bar", LENGTHS, minimise="lock.time", samples=64, progress=stop, threads=1)
     assert not best.complete and not best.converged and np.isfinite(best.objective)
     assert "interrupted" in str(best.notes) and best.status == "the best design so far"
+    assert best.history[-1][1] == best.objective and len(best.plot().axes) == 3
 
 
 def test_limits_that_no_design_keeps_are_named() -> None:
     best = bc.optimise("four_bar", LENGTHS, minimise="lock.time", limits="lock.crank <= 120 deg", **SMALL)
     assert not best.keeps_limits and not best.converged
     assert any("is broken" in note for note in best.notes)
+    assert best.as_dict()["keeps_limits"] is False and not best.multipliers and not best.active_limits
+    assert "no design that keeps the limits was found" in best.table()
+    assert "broken" in best.table() and "nearest" in best.table()
+
+
+def test_a_limit_that_no_design_keeps_is_in_the_exit_code_and_in_the_files(tmp_path, capsys) -> None:
+    line = ["optimise", "four_bar", "--vary", "crank_length=1.2:1.24", "--minimise", "lock.time", "--samples", "4",
+            "--limit", "lock.crank <= 20 deg", "--no-plots", "--out", str(tmp_path / "o"),
+            "--write-config", str(tmp_path / "best.yaml")]  # fmt: skip
+    assert main(line) == 1
+    assert "no design that keeps the limits was found" in capsys.readouterr().out
+    written = json.loads((tmp_path / "o/optimum.json").read_text())
+    assert written["keeps_limits"] is False and written["status"] == "no design that keeps the limits was found"
+    assert "no design that keeps the limits was found" in (tmp_path / "best.yaml").read_text().splitlines()[0]
+
+
+def test_the_scene_of_its_own_is_no_result_where_it_is_outside_the_bounds() -> None:
+    own = bc.load_scene("four_bar").parameters["crank_length"].value
+    best = bc.optimise("four_bar", {"crank_length": (1.2, 1.22)}, minimise="lock.time", samples=8, starts=1)
+    assert best.before[0] < best.objective and best.values["crank_length"] <= 1.22 < own
+    assert best.converged
+
+
+def test_more_variables_than_a_grid_has_room_for_are_planned() -> None:
+    places = [f"joint.{joint}.origin.{axis}" for joint in ("coupler", "rocker") for axis in ("y", "z", "roll", "pitch")]
+    bodies = [f"link.{link}_link.cg.{axis}" for link in ("crank", "coupler", "rocker") for axis in "xyz"]
+    masses = [f"link.{link}_link.mass" for link in ("crank", "coupler", "rocker")]
+    bounds = dict.fromkeys([*places, *bodies], (-0.01, 0.01)) | dict.fromkeys(masses, (1.0, 2.0))
+    problem, _, _ = plan_search(bc.load_scene("four_bar"), Request(bounds, minimise="lock.time"), 1)
+    assert len(problem.variables) == 20 and problem.numbers(np.full((1, 20), 0.5))[0, -1] == 1.5
+
+
+def test_a_limit_far_from_all_designs_is_kept_without_overflow() -> None:
+    limits = ["lock.crank <= 1e308", "lock.crank >= -1e300"]
+    with np.errstate(over="raise", invalid="raise"):
+        best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", limits=limits, samples=8)
+    assert best.converged and best.values == {"crank_length": 1.24}
 
 
 def test_files_hold_the_result_and_the_best_design_is_a_scene(tmp_path) -> None:

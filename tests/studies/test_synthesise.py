@@ -156,6 +156,9 @@ def test_the_command_reads_points_with_units_and_writes_the_scene(tmp_path, monk
         ({"linkage": "six_bar"}, "unknown choice 'six_bar'"),
         ({"points": PATH[:3]}, "argument 'points': expected 4 to 500 points"),
         ({"points": [(1.0, 1.0)] * 6}, "points that differ"),
+        ({"points": [(1e8 + 0.001 * x, y) for x, y in 1e-3 * np.array(PATH)]}, "far from the origin, rounding"),
+        ({"points": 1e200 * np.array(PATH)}, "coordinates up to 1e+09 m, found 1.1e+200 m"),
+        ({"points": [*PATH[:-1], (float("nan"), 1.0)]}, "found nan at entry 17, 0"),
         ({"points": [1.0, 2.0]}, "an array of shape (n, 2)"),
         ({"timing": "25 deg"}, "stay within one turn, found 0 to 425 deg"),
         ({"timing": "20 mm"}, "argument 'timing': expected an angle in rad"),
@@ -179,9 +182,20 @@ def test_bad_input_is_one_sentence(named, message) -> None:
         ("x [m],y [kg]\n1,2\n", "column 'y' is in 'kg'"),
         ("x [m],y [m]\n1,\n", "expected a number, found an empty cell"),
         ("x [m],y [m],z [m]\n1,2,3\n", "unknown column 'z'"),
+        ("", "the file is empty; expected a header 'x [m],y [m]' and rows of points"),
+        ("x [m],y [m]\n", "path.csv: expected 4 to 500 points, found 0"),
+        ("x [m],y [m],crank [deg]\n1,2,0\n2,3,0\n4,5,3\n7,1,4\n", "path.csv: column 'crank': expected angles that"),
     ],
 )
 def test_a_wrong_file_of_points_is_one_sentence(text, message, tmp_path, capsys) -> None:
     (tmp_path / "path.csv").write_text(text)
     assert main(["synthesise", str(tmp_path / "path.csv"), "--out", str(tmp_path / "o")]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_points_that_no_linkage_passes_in_order_are_said_in_words_exit_code_and_json(tmp_path, capsys) -> None:
+    (tmp_path / "path.csv").write_text("x [m],y [m]\n" + "0,0\n1,1\n0,1\n1,0\n" * 4)
+    assert main(["synthesise", str(tmp_path / "path.csv"), "--out", str(tmp_path / "o")]) == 1
+    assert "no four-bar was found that passes the points in their order" in capsys.readouterr().err
+    written = json.loads((tmp_path / "o/synthesis.json").read_text())
+    assert written["linkages"] == [] and "no four-bar was found" in written["status"]

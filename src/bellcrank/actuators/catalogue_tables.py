@@ -102,8 +102,11 @@ def split_title(title: str) -> tuple[str, str | None]:
     return match[1].strip(), None if match[2] is None else match[2].strip()
 
 
-def read_table(file: Path) -> Table:
-    """The table in a CSV file. Raises InputError with file and line where it is not one."""
+def read_table(file: Path, expected: str = "a header 'id,maker,model,kind,…' and rows of products") -> Table:
+    """The table in a CSV file. Raises InputError with file and line where it is not one.
+
+    `expected` says what the file is to hold.
+    """
     lines = _lines(file, read_text(file, MOST_BYTES))
     first, titles = next(lines, (0, []))
     separator = next((name for mark, name in _OTHERS if len(titles) == 1 and mark in titles[0]), None)
@@ -111,7 +114,7 @@ def read_table(file: Path) -> Table:
     while titles and not titles[-1]:  # commas at the end, as some spreadsheets write them
         titles.pop()
     if not titles:
-        raise InputError(f"{file}: the file is empty; expected a header 'id,maker,model,kind,…' and rows of products")
+        raise InputError(f"{file}: the file is empty; expected {expected}")
     if separator is not None:
         raise InputError(
             f"{file}: line {first}: the columns are separated by {separator}; expected commas, and points in the "

@@ -61,7 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.executors import MOST_THREADS
-    from bellcrank.studies.optimisation.optimise import Request, plan_search, run_search
+    from bellcrank.studies.optimisation.optimise import run_search
+    from bellcrank.studies.optimisation.request import Request, plan_search
     from bellcrank.studies.samples import LARGEST_SEED
     from bellcrank.terminal import interruption
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from pathlib import Path
 
 from bellcrank.commands.options import add_output_folder, whole_option
 from bellcrank.commands.output_files import output_path, write_each, written
-from bellcrank.errors import InputError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
+from bellcrank.files.json_files import write_json
 from bellcrank.terminal.progress import share_bar
 
 NAMES = ("points.csv", "synthesis.json", "synthesis.png", "linkage.yaml", "linkage.urdf")
@@ -39,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search. Exit code 0. Raises BellcrankError for invalid input, and where no linkage passes the points."""
+    """Search. Exit code 0; 1 where no linkage was found, as the JSON file says too. Raises InputError."""
     from bellcrank.studies.samples import LARGEST_SEED
     from bellcrank.studies.synthesis.synthesise import read_points, synthesise
 
@@ -53,10 +56,23 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.timing is not None and timing is not None:
         raise InputError(f"--timing: {arguments.points} has a column 'crank' already; give one of them")
     with share_bar("synthesise") as bar:
-        result = synthesise(
-            "four_bar", points, timing if arguments.timing is None else arguments.timing,
-            transmission_angle=arguments.transmission_angle, seed=seed, progress=bar,
-        )  # fmt: skip
+        try:
+            result = synthesise(
+                "four_bar", points, timing if arguments.timing is None else arguments.timing,
+                transmission_angle=arguments.transmission_angle, seed=seed, progress=bar,
+            )  # fmt: skip
+        except InputError as error:
+            file = arguments.points
+            given = {
+                "points": f"{file}",
+                "timing": f"{file}: column 'crank'" if arguments.timing is None else "--timing",
+                "transmission_angle": "--transmission-angle",
+            }
+            raise InputError(re.sub(r"argument '(\w+)'", lambda found: given[found[1]], str(error))) from None
+        except BellcrankError as error:
+            write_json(folder / NAMES[1], {"linkage": "four_bar", "status": str(error), "linkages": []})
+            print(f"bellcrank: {error}", file=sys.stderr)
+            return 1
     print(result.table())
     for note in result.notes:
         print(f"{note.label}: {note}")

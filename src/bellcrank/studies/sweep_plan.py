@@ -52,9 +52,11 @@ class SampleRequest:
 
 
 def plan_sweep(
-    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest, checking: Checking | None = None
+    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
 ) -> SweepPlan:
     """The simulations of a sweep; what is None is taken from the scene's study.
+
+    Without `sample`, `vary` has bounds, and the plan has no designs.
 
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
@@ -65,22 +67,24 @@ def plan_sweep(
     if of_tree:
         scene = scene.with_overrides(of_tree)  # declares parameters, which are inputs of the equations
     _refuse_repeated(scene, axes)
-    space = DesignSpace(axes, _sample(scene, axes, sample))
+    space = _space(scene, axes, sample)
     for axis in axes:
         _check(scene, axis, checking)
     return SweepPlan(scene, space, SimulationRunner(scene, axes), ranked(file_notes(scene)))
 
 
 def plan_sizings(
-    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest, checking: Checking | None = None
+    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
 ) -> SweepPlan:
     """The sizings of a sweep; what is None is taken from the scene's study.
+
+    Without `sample`, `vary` has bounds, and the plan has no designs.
 
     Raises InputError for a path that does not exist or accepts none of its values.
     """
     axes = _axes(scene, vary, lambda path: unit_of(scene, path))
     _refuse_repeated(scene, axes)
-    space = DesignSpace(axes, _sample(scene, axes, sample))
+    space = _space(scene, axes, sample)
     runner = SizingRunner(scene, axes)
     for axis, change in zip(axes, runner.changes, strict=True):
         if change.kind == "override":
@@ -132,6 +136,10 @@ def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Ax
     except InputError as error:
         assert study.place is not None
         raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
+
+
+def _space(scene: Scene, axes: tuple[Axis, ...], sample: SampleRequest | None) -> DesignSpace:
+    return DesignSpace(()) if sample is None else DesignSpace(axes, _sample(scene, axes, sample))
 
 
 def _sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> PointSet | None:

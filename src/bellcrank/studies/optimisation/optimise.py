@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,10 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
-from bellcrank.messages import format_value, unknown_name
-from bellcrank.notes import ranked
 from bellcrank.scene.given_scene import given_scene
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.columns import varies
-from bellcrank.studies.exceedance import parse_limit
 from bellcrank.studies.executors import MOST_THREADS
-from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.gradients import Gradients
 from bellcrank.studies.optimisation.local_search import (
     CONVERGED,
@@ -34,29 +28,12 @@ from bellcrank.studies.optimisation.local_search import (
     local_searches,
 )
 from bellcrank.studies.optimisation.optimum import Basin, Optimum
-from bellcrank.studies.optimisation.present_design import present_point
-from bellcrank.studies.optimisation.problem import DesignProblem, Variable
-from bellcrank.studies.samples import LARGEST_SEED, Sample
-from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings, plan_sweep
+from bellcrank.studies.optimisation.problem import DesignProblem
+from bellcrank.studies.optimisation.request import Request, plan_search
+from bellcrank.studies.samples import Sample
 
 Array = NDArray[np.float64]
-SAMPLES, STARTS = 256, 8
 SAME_DESIGN, SAME_VALUE = 1e-3, 1e-6  # up to these differences two local optima are one, scaled
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked for; what is None is as the scene's entry `optimise` says."""
-
-    variables: Mapping[str, Any] | None = None
-    minimise: str | None = None
-    maximise: str | None = None
-    limits: Sequence[str] | None = None
-    size: bool | None = None
-    start: Mapping[str, Any] | None = None
-    samples: int | None = None
-    starts: int | None = None
-    seed: int | None = None
 
 
 @arguments.named
@@ -124,33 +101,7 @@ def optimise(
     return run_search(*plan_search(scene, asked, threads, progress))
 
 
-def plan_search(
-    scene: Scene, asked: Request, threads: int | None = None, progress: Callable[[int], object] | None = None
-) -> tuple[SweepPlan, DesignProblem, Request, Array | None]:
-    """What a search runs, the request with all its numbers, and the start (variables,) that is asked for.
-
-    Raises InputError.
-    """
-    asked = _completed(scene, asked)
-    assert asked.variables is not None and asked.limits is not None
-    plan, variables = _variables(scene, asked.variables, sized=bool(asked.size))
-    units = plan.runner.units
-    for name, measure in (("minimise", asked.minimise), ("maximise", asked.maximise)):
-        if measure is not None and measure not in units:
-            raise InputError(f"optimise {scene.name}: {name}: {unknown_name('measure', measure, units)}")
-    problem = DesignProblem(
-        plan.runner,
-        variables,
-        asked.minimise or asked.maximise or "",
-        1.0 if asked.minimise else -1.0,
-        tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits),
-        LocalExecutor(threads).threads,
-        progress or (lambda done: None),
-    )
-    return plan, problem, asked, None if asked.start is None else _start(problem, asked.start)
-
-
-def run_search(plan: SweepPlan, problem: DesignProblem, asked: Request, start: Array | None) -> Optimum:
+def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> Optimum:
     """Search. Raises InputError and BellcrankError as `optimise`."""
     assert asked.samples is not None and asked.starts is not None
     gradients = Gradients(problem)
@@ -162,7 +113,7 @@ def run_search(plan: SweepPlan, problem: DesignProblem, asked: Request, start: A
             history.append((problem.count, float(np.concatenate(problem.values)[row, 0])))
 
     try:
-        here = present_point(problem)
+        here = problem.present_point()
         if here is not None:
             before = problem.run(here[None])[0]
         first = [] if here is None or not _inside(here) else [here]
@@ -183,98 +134,8 @@ def run_search(plan: SweepPlan, problem: DesignProblem, asked: Request, start: A
         complete = False
         if problem.best(KEPT) is None:
             raise
-    return _result(plan, problem, gradients, searches, asked, before, history, complete)
-
-
-# ---- what is asked for
-
-
-def _completed(scene: Scene, asked: Request) -> Request:
-    """The request with what the scene's entry says. Raises InputError."""
-    entry = scene.optimise
-    where = f"optimise {scene.name}"
-    variables = dict(entry.vary) if asked.variables is None else asked.variables
-    variables = arguments.mapping("variables", variables, "a mapping of parameters to their bounds (lower, upper)")
-    if not variables:
-        raise InputError(f"{where}: nothing is varied; give bounds of parameters, or write optimise: {{vary: …}}")
-    minimise, maximise = asked.minimise, asked.maximise
-    for name, value in (("minimise", minimise), ("maximise", maximise)):
-        if value is not None:
-            arguments.text(name, value, "the name of a measure, such as 'lock.time'")
-    if minimise is None and maximise is None:
-        minimise, maximise = entry.minimise, entry.maximise
-    if (minimise is None) == (maximise is None):
-        found = "neither" if minimise is None else "both"
-        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {found}")
-    limits = entry.limits if asked.limits is None else asked.limits
-    limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
-    size = entry.size if asked.size is None else arguments.flag("size", asked.size)
-    counts: dict[str, Any] = {}
-    for name, default, least, most in (
-        ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
-    ):  # fmt: skip
-        given, written = getattr(asked, name), getattr(entry, name)
-        number = given if given is not None else default if written is None else written
-        counts[name] = arguments.whole(name, number, least=least, most=most)
-    return replace(
-        asked, variables=variables, minimise=minimise, maximise=maximise, limits=limits, size=bool(size), **counts
-    )
-
-
-def _variables(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> tuple[SweepPlan, tuple[Variable, ...]]:
-    """The plan of a sweep over the bounds, and the variables. Raises InputError."""
-    pairs = {}
-    for path, bounds in given.items():
-        if isinstance(bounds, str) or not isinstance(bounds, (list, tuple, np.ndarray)) or len(bounds) != 2:
-            raise InputError(f"optimise {scene.name}: '{path}': expected two bounds, found {arguments.found(bounds)}")
-        pairs[path] = list(bounds)
-    try:
-        plan = (plan_sizings if sized else plan_sweep)(scene, pairs, SampleRequest())
-    except InputError as error:
-        raise InputError(str(error).replace("sweep over", f"optimise {scene.name}:")) from None
-    variables = []
-    for axis in plan.space.axes:
-        if not axis.numeric:
-            raise InputError(
-                f"optimise {scene.name}: '{axis.path}': expected two bounds in one unit, found "
-                f"{format_value(list(axis.choices))}"
-            )
-        lower, upper = map(float, axis.numbers)
-        if not lower < upper:
-            raise InputError(
-                f"optimise {scene.name}: '{axis.path}': expected the lower bound below the upper, found {lower:g} and "
-                f"{upper:g} {axis.unit}".rstrip()
-            )
-        variables.append(Variable(axis, lower, upper))
-    return plan, tuple(variables)
-
-
-def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
-    """The point of a start. Raises InputError where it is outside the bounds."""
-    from bellcrank.studies.axes import read_axis
-
-    given = arguments.mapping("start", given, "a mapping of the variables to their values")
-    names = [variable.axis.path for variable in problem.variables]
-    numbers = []
-    for name in given:
-        if name not in names:
-            raise InputError(f"start: {unknown_name('variable', name, names)}")
-    for variable in problem.variables:
-        axis, path = variable.axis, variable.axis.path
-        if path not in given:
-            raise InputError(f"start: '{path}' has no value; give one of each variable")
-        unit = None if axis.suffix else axis.unit
-        own = read_axis(problem.runner.scene, path, [given[path]], unit)  # type: ignore[attr-defined]
-        if not own.numeric or (axis.suffix and own.suffix not in ("", axis.suffix)):
-            raise InputError(f"start: '{path}': expected a number in {axis.unit}, found {format_value(given[path])}")
-        number = float(own.numbers[0])
-        if not variable.lower <= number <= variable.upper:
-            raise InputError(
-                f"start: '{path}' is {number:g} {axis.unit}, outside its bounds {variable.lower:g} to "
-                f"{variable.upper:g} {axis.unit}"
-            )
-        numbers.append(number)
-    return problem.point(numbers)
+        record()
+    return _result(problem, gradients, searches, asked, before, history, complete)
 
 
 def _check_start(problem: DesignProblem, start: Array, values: Array) -> None:
@@ -321,19 +182,24 @@ def _starts(problem: DesignProblem, points: Array, values: Array, count: int) ->
 
 def _basins(problem: DesignProblem, searches: Sequence[Search]) -> tuple[Basin, ...]:
     """The distinct ends of searches that are optima and keep the limits, the best first."""
-    found: list[tuple[float, Array, int, float]] = []
-    for one in searches:
-        if one.kkt is None or one.kkt.residual > CONVERGED:
-            continue
-        value = float(problem.objective(one.values[None])[0])
-        for k, (known, point, count, shown) in enumerate(found):
-            if abs(value - known) < SAME_VALUE or np.abs(point - one.point).max() < SAME_DESIGN:
-                found[k] = (known, point, count + 1, shown)
+
+    def scaled(one: Search) -> float:
+        return float(problem.objective(one.values[None])[0])
+
+    groups: list[list[Search]] = []
+    ends = [one for one in searches if one.kkt is not None and one.kkt.residual <= CONVERGED]
+    for one in sorted(ends, key=scaled):
+        for group in groups:
+            near = np.abs(group[0].point - one.point).max() < SAME_DESIGN
+            if near or abs(scaled(group[0]) - scaled(one)) < SAME_VALUE:
+                group.append(one)
                 break
         else:
-            found.append((value, one.point, 1, float(one.values[0])))
-    found.sort(key=lambda each: each[0])
-    return tuple(Basin(value, count, tuple(problem.numbers(p[None])[0].tolist())) for _, p, count, value in found)
+            groups.append([one])
+    return tuple(
+        Basin(float(group[0].values[0]), len(group), tuple(problem.numbers(group[0].point[None])[0].tolist()))
+        for group in groups
+    )
 
 
 def _merit(problem: DesignProblem, one: Search) -> float:
@@ -342,7 +208,6 @@ def _merit(problem: DesignProblem, one: Search) -> float:
 
 
 def _result(
-    plan: SweepPlan,
     problem: DesignProblem,
     gradients: Gradients,
     searches: Sequence[Search],
@@ -377,5 +242,4 @@ def _result(
         seed=asked.seed or 0,
         history=tuple(history),
         complete=complete,
-        plan_notes=ranked(plan.notes),
     )

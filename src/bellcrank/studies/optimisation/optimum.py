@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,7 @@ from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.source_mapping import plain
 from bellcrank.sizing.selection.written_config import check_target, moved
 from bellcrank.studies.optimisation.local_search import ACTIVE, AT_BOUND, CONVERGED, KEPT, Kkt
+from bellcrank.studies.optimisation.optimum_tables import designs_figure, designs_table, rows_of, text_table
 from bellcrank.studies.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from bellcrank.studies.optimisation.problem import DesignProblem
 
 Array = NDArray[np.float64]
-MOST_SHOWN = 5  # variables in a picture
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,6 @@ class Optimum:
         seed: Of the Sobol points.
         history: The number of designs that were run, and the best objective so far.
         complete: False after Ctrl-C.
-        plan_notes: Notes on the scene.
 
     Example:
         >>> import bellcrank as bc
@@ -85,22 +83,9 @@ class Optimum:
     seed: int
     history: tuple[tuple[int, float], ...] = field(repr=False)
     complete: bool
-    plan_notes: tuple[Note, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
-        return f"Optimum('{self._base.name}': {self._measure(0, self.objective)}, {self.status})"
-
-    @property
-    def _base(self) -> Scene:
-        scene: Scene = self.problem.runner.scene  # type: ignore[attr-defined]
-        return scene
-
-    def _unit(self, k: int) -> str:
-        unit = self.problem.runner.units[self.problem.measures[k]]
-        return "" if unit == "1" else unit
-
-    def _measure(self, k: int, value: float) -> str:
-        return f"{self.problem.measures[k]} {value:.6g} {self._unit(k)}".rstrip()
+        return f"Optimum('{self.problem.scene.name}': {self.problem.measure_of(0, self.objective)}, {self.status})"
 
     # ---- the design
 
@@ -158,15 +143,18 @@ class Optimum:
     def active_limits(self) -> tuple[str, ...]:
         """The limits that the best design just keeps."""
         excess = self.problem.excess(self.found[None])[0]
-        return tuple(str(limit) for limit, beyond in zip(self.problem.limits, excess, strict=True) if beyond > -ACTIVE)
+        return tuple(
+            str(limit) for limit, beyond in zip(self.problem.limits, excess, strict=True) if -ACTIVE < beyond <= KEPT
+        )
 
     @property
     def multipliers(self) -> dict[str, float]:
         """How the best objective changes per unit of each active limit and bound, in SI units of both.
 
-        A bound is named "NAME lower" or "NAME upper", in the unit in which it was given. Empty where not known.
+        A bound is named "NAME lower" or "NAME upper", in the unit in which it was given. Empty where the design is no
+        optimum.
         """
-        if self.kkt is None:
+        if self.kkt is None or not self.converged:
             return {}
         problem, found = self.problem, dict[str, float]()
         scale = problem.sign * problem.scales[0]
@@ -187,15 +175,20 @@ class Optimum:
     @cached_property
     def notes(self) -> tuple[Note, ...]:
         """What to know about the result, what matters most first."""
-        problem, said = self.problem, list(self.plan_notes)
+        problem, said = self.problem, list(self.problem.notes)
         if not self.complete:
             said.append(Note("the search was interrupted: the best design so far is no optimum", "changes"))
-        for limit, k in zip(problem.limits, range(len(problem.limits)), strict=True):
-            if problem.excess(self.found[None])[0, k] > KEPT:
-                said.append(Note(f"the limit {limit} is broken: {self._measure(1 + k, self.found[1 + k])}", "changes"))
+        for k, (limit, beyond) in enumerate(zip(problem.limits, problem.excess(self.found[None])[0], strict=True)):
+            if beyond > KEPT:
+                said.append(
+                    Note(f"the limit {limit} is broken: {self.problem.measure_of(1 + k, self.found[1 + k])}", "changes")
+                )
         if self.complete and self.keeps_limits and not self.converged:
             value = f"{self.residual:.1e}" if math.isfinite(self.residual) else "not known"
-            said.append(Note(f"the residual is {value}, above {CONVERGED:g}: a better design may be near", "changes"))
+            why = f" ({self.reason})" if self.reason else ""
+            said.append(
+                Note(f"the residual is {value}, above {CONVERGED:g}{why}: a better design may be near", "changes")
+            )
         if self.blocked and not self.converged:
             said.append(Note(f"the search ended beside designs that cannot be run: {self.blocked}", "changes"))
         for name, side in self.at_bounds.items():
@@ -218,7 +211,7 @@ class Optimum:
         """The scene with the best design. Raises InputError where the scene has no such values."""
         values = zip(self.problem.variables, self.values.values(), strict=True)
         try:
-            return self._base.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
+            return self.problem.scene.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
         except InputError as error:
             raise InputError(f"the best design cannot be written as a scene: {error}") from None
 
@@ -247,41 +240,17 @@ class Optimum:
         check_target(target, self.scene.config)
         file = self.scene.config.file
         data = self.scene.source_data if file is None else without_robot_file(self.scene.source_data, file)
-        data = moved(plain(data), self._base.source.resolve().parent, target.resolve().parent)
+        data = moved(plain(data), self.problem.scene.source.resolve().parent, target.resolve().parent)
         body = yaml.safe_dump(data, allow_unicode=True, sort_keys=False, width=120)
         with writing(target) as temporary:
-            temporary.write_text(
-                f"# By bellcrank optimise: {self._measure(0, self.objective)}\n{body}", encoding="utf-8"
-            )
+            head = f"# By bellcrank optimise: {self.problem.measure_of(0, self.objective)}, {self.status}"
+            temporary.write_text(f"{head}\n{body}", encoding="utf-8")
             again = load_scene(temporary, trust=[Path(temporary.resolve().anchor)])
             if not np.array_equal(again.parameter_values, self.scene.parameter_values):
                 raise BellcrankError(f"{target}: the file does not give the scene again (a fault of bellcrank)")
         return target
 
     # ---- tables and files
-
-    def _rows(self) -> list[tuple[str, str, float, float, str]]:
-        """Name, unit, before, best and remark of the variables, the objective and the limits."""
-        problem, rows, own = self.problem, [], self._before_values
-        for variable, (name, value) in zip(problem.variables, self.values.items(), strict=True):
-            at = self.at_bounds.get(name, "")
-            remark = f"{variable.lower:g} to {variable.upper:g}{f', at the {at} bound' if at else ''}"
-            rows.append((name, variable.axis.unit, own.get(name, math.nan), value, remark))
-        doing = "minimised" if problem.sign > 0.0 else "maximised"
-        limits = [f"{limit}{', active' if str(limit) in self.active_limits else ''}" for limit in problem.limits]
-        for k, remark in enumerate([doing, *limits]):
-            rows.append((problem.measures[k], self._unit(k), float(self.before[k]), float(self.found[k]), remark))
-        return rows
-
-    @property
-    def _before_values(self) -> Mapping[str, float]:
-        from bellcrank.studies.optimisation.present_design import present_point
-
-        point = present_point(self.problem)
-        if point is None:
-            return {}
-        numbers = self.problem.numbers(point[None])[0].tolist()
-        return {one.axis.path: number for one, number in zip(self.problem.variables, numbers, strict=True)}
 
     def table(self) -> str:
         """Format the result as text.
@@ -295,26 +264,7 @@ class Optimum:
             >>> print(best.table().splitlines()[1].split()[0])
             crank_length
         """
-        cells = [("", "before", "best", "")]
-        for name, unit, before, best, remark in self._rows():
-            shown = "" if math.isnan(before) else f"{before:.6g}"
-            cells.append((f"{name} [{unit}]" if unit else name, shown, f"{best:.8g}", remark))
-        widths = [max(len(row[k]) for row in cells) for k in range(3)]
-        lines = [
-            f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells
-        ]
-        for name, value in self.multipliers.items():
-            change = f"{value:.4g} {self._unit(0)}".rstrip()
-            lines.append(f"per SI unit of '{name}', {self.problem.measure} changes by {change}")
-        count = f"{self.problem.count} designs were run, {self.samples} of them Sobol points (seed {self.seed})"
-        lines.append(f"{self.status}: residual {self.residual:.1e}; {count}")
-        for basin in self.basins:
-            lines.append(
-                f"  {self._measure(0, basin.objective)}: found by {basin.found} of {self.searches} local searches"
-            )
-        differences = ", ".join(dict.fromkeys(name for name, how in self.gradients.items() if how != "exact"))
-        lines.append(f"gradients: {f'differences of {differences}' if differences else 'exact'}")
-        return "\n".join(lines)
+        return text_table(self)
 
     def as_dict(self) -> dict[str, Any]:
         """The result as data for JSON.
@@ -333,12 +283,14 @@ class Optimum:
             return value if math.isfinite(value) else None
 
         return {
-            "scene": self._base.name,
+            "scene": self.problem.scene.name,
             "status": self.status,
+            "keeps_limits": self.keeps_limits,
+            "converged": self.converged,
             "complete": self.complete,
             "table": [
                 {"name": name, "unit": unit, "before": known(before), "best": known(best), "remark": remark}
-                for name, unit, before, best, remark in self._rows()
+                for name, unit, before, best, remark in rows_of(self)
             ],
             "at_bounds": self.at_bounds,
             "active_limits": list(self.active_limits),
@@ -392,16 +344,8 @@ class Optimum:
             >>> best.to_csv(pathlib.Path(tempfile.mkdtemp()) / "designs.csv").read_text().split(",")[0]
             'crank_length [m]'
         """
-        problem = self.problem
-        head: list[object] = [one.axis.label for one in problem.variables]
-        head += [f"{name} [{self._unit(k) or '1'}]" for k, name in enumerate(problem.measures)]
-        rows: list[Sequence[object]] = [[*head, "reason"]]
-        numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
-        for k, (own, found) in enumerate(zip(numbers.tolist(), values.tolist(), strict=True)):
-            cells = ["" if math.isnan(value) else value for value in found]
-            rows.append([*own, *cells, problem.reasons.get(k, "")])
         target = arguments.path("path", path, "the path of a file")
-        write_text(target, csv_text(rows))
+        write_text(target, csv_text(designs_table(self)))
         return target
 
     def plot(self, path: str | Path | None = None) -> Figure:
@@ -422,25 +366,9 @@ class Optimum:
             >>> len(best.plot().axes)
             2
         """
-        from bellcrank.plot_style import DPI, colour, literal, new_figure, plain, save_figure
+        from bellcrank.plot_style import DPI, save_figure
 
-        problem = self.problem
-        shown = problem.variables[:MOST_SHOWN]
-        figure = new_figure(3.2 * (1 + len(shown)), 3.4)
-        axes = np.atleast_1d(figure.subplots(1, 1 + len(shown)))
-        values, numbers = np.concatenate(problem.values), problem.numbers(np.concatenate(problem.points))
-        kept = problem.violation(values) <= KEPT
-        label = f"{problem.measure} [{self._unit(0) or '1'}]"
-        axes[0].step(*zip(*self.history, strict=True), where="post", color=colour(0))
-        axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far")
-        for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):
-            axis.plot(numbers[~kept, k], values[~kept, 0], ".", color="0.75", markersize=3, label="breaks a limit")
-            axis.plot(numbers[kept, k], values[kept, 0], ".", color=colour(0), markersize=3, label="keeps the limits")
-            axis.plot(self.values[variable.axis.path], self.objective, "D", color=colour(1), label="best")
-            axis.set(xlabel=literal(variable.axis.label), ylabel=literal(label))
-        axes[-1].legend(fontsize="small")
-        for axis in axes:
-            plain(axis)
+        figure = designs_figure(self)
         if path is not None:
             with writing(arguments.path("path", path, "the path of a picture")) as temporary:
                 save_figure(figure, temporary, "png", dpi=DPI)

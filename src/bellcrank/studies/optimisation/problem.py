@@ -9,10 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.config.fields import parse_number
+from bellcrank.config.numbers import split_number
+from bellcrank.notes import Note
+from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import DesignRunner, StudyInterrupted
@@ -43,6 +48,7 @@ class DesignProblem:
     """What is looked for, and every design that was run.
 
     Attributes:
+        scene: What is changed.
         runner: Runs designs.
         variables: What is varied.
         measure: The objective.
@@ -50,12 +56,14 @@ class DesignProblem:
         limits: Conditions that designs are to keep.
         threads: How many threads run designs.
         progress: Called with the number of designs that were run.
+        notes: On the scene.
         scales: Of the objective and of each limit: the spread of their measures over the sample.
         points: The designs that were run, from 0 to 1, (n, variables).
         values: Objective, then the measures of the limits (n, 1 + limits); NaN where infeasible.
         reasons: Why designs are infeasible, by row.
     """
 
+    scene: Scene
     runner: DesignRunner
     variables: tuple[Variable, ...]
     measure: str
@@ -63,6 +71,7 @@ class DesignProblem:
     limits: tuple[Limit, ...]
     threads: int
     progress: Callable[[int], object]
+    notes: tuple[Note, ...] = ()
     scales: Array = field(init=False)
     points: list[Array] = field(default_factory=list)
     values: list[Array] = field(default_factory=list)
@@ -75,6 +84,15 @@ class DesignProblem:
     def measures(self) -> tuple[str, ...]:
         """The measures of the objective and of the limits."""
         return (self.measure, *(limit.measure for limit in self.limits))
+
+    def unit_of(self, k: int) -> str:
+        """The unit of the objective (0) or of a limit's measure (from 1 on); empty where it has none."""
+        unit = self.runner.units[self.measures[k]]
+        return "" if unit == "1" else unit
+
+    def measure_of(self, k: int, value: float) -> str:
+        """The name of that measure with a value of it."""
+        return f"{self.measures[k]} {value:.6g} {self.unit_of(k)}".rstrip()
 
     @property
     def count(self) -> int:
@@ -90,6 +108,25 @@ class DesignProblem:
         """The point (variables,) of values in the units of the axes."""
         lower, width = (np.array([getattr(one, name) for one in self.variables]) for name in ("lower", "width"))
         return np.asarray((np.array(numbers) - lower) / width)
+
+    def present_point(self) -> Array | None:
+        """The point of the scene's own values, which may be outside the bounds; None where not all are known."""
+        numbers, parameters = [], self.scene.parameters
+        for k, axis in enumerate(variable.axis for variable in self.variables):
+            name = self.runner.changes[k].path if isinstance(self.runner, SizingRunner) else axis.path
+            name = name.removeprefix("parameters.").removesuffix(".value")
+            own = parameters.get(name) or next((it for it in parameters.values() if it.sets == (axis.path,)), None)
+            if own is not None:
+                numbers.append(own.value / parse_number(axis.value(1.0), own.unit))
+                continue
+            written = _written(self.scene.data, axis.path)
+            split = split_number(written) if isinstance(written, str) else None
+            if split is None and isinstance(written, (int, float)) and not isinstance(written, bool):
+                split = float(written), ""
+            if split is None or split[1] != axis.suffix:
+                return None
+            numbers.append(split[0])
+        return self.point(numbers)
 
     def run(self, points: Array) -> Array:
         """Objective and measures of limits (n, 1 + limits) of designs; NaN where infeasible.
@@ -136,6 +173,8 @@ class DesignProblem:
             known = column[np.isfinite(column)]
             spread = float(np.subtract(*np.quantile(known, [0.9, 0.1]))) if len(known) else 0.0
             self.scales[k] = spread if spread > 0.0 else max(abs(float(known[0])) if len(known) else 1.0, 1e-12)
+            if k:  # so that the excess of a limit that is far away does not overflow
+                self.scales[k] = max(self.scales[k], 1e-9 * abs(self.limits[k - 1].value))
 
     def objective(self, values: Array) -> Array:
         """The scaled objective (n,), to be made small."""
@@ -159,10 +198,22 @@ class DesignProblem:
         return np.asarray(np.where(np.isfinite(values).all(axis=1), total, np.inf))
 
     def best(self, tolerance: float) -> int | None:
-        """The row of the best of all designs: of those that keep the limits, else the one that breaks them least."""
-        values = np.concatenate(self.values) if self.values else np.zeros((0, 1))
-        if not np.isfinite(values).all(axis=1).any():
+        """The row of the best design within the bounds: of those that keep the limits, else the one that breaks them
+        least; None where none can be run. The scene's own design may be outside.
+        """
+        if not self.count:
             return None
-        broken = self.violation(values)
+        points, values = np.concatenate(self.points), np.concatenate(self.values)
+        within = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+        broken = np.where(within, self.violation(values), np.inf)
+        if not np.isfinite(broken).any():
+            return None
         broken[broken <= tolerance] = 0.0
         return int(np.lexsort((self.objective(values), broken))[0])
+
+
+def _written(data: Any, path: str) -> Any:
+    """What a scene's mapping says under a dotted path; None where it says nothing there."""
+    for key in path.split("."):
+        data = data.get(key) if isinstance(data, dict) else None
+    return data

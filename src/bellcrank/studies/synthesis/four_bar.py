@@ -37,13 +37,18 @@ class Lengths(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The best placement of n linkages: residuals (n, points), their derivatives (n, points, angle and shape), and
-    z, w and c (n, 3).
+    """The best placement of n linkages: residuals (n, points), their derivatives (n, points, angle and shape), z, w and
+    c (n, 3), and an orthonormal basis (n, points, 3) of what placements reach.
     """
 
     residual: Complex
     slopes: Complex
     placement: Complex
+    basis: Complex
+
+    def outside(self, slopes: Complex) -> Complex:
+        """The part of derivatives (n, points, k) that no placement takes up."""
+        return np.asarray(slopes - self.basis @ (self.basis.conj().transpose(0, 2, 1) @ slopes))
 
 
 def shape_bounds(transmission: float) -> tuple[Array, Array]:
@@ -100,7 +105,7 @@ def fit(shape: Array, crank: Array, branch: Array, points: Complex, transmission
     placement = np.linalg.solve(triangle, coordinates[:, :, None])[:, :, 0]
     residual[flat] = np.inf
     if not slopes:
-        return Fit(residual, np.zeros((0, 0, 0), dtype=complex), placement)
+        return Fit(residual, np.zeros((0, 0, 0), dtype=complex), placement, orthonormal)
     ground, coupler, rocker = (column[:, None] for column in lengths.links.T)
     on_rocker = (on_crank + coupler * on_coupler - ground) / rocker
     between = on_coupler / on_rocker
@@ -111,15 +116,7 @@ def fit(shape: Array, crank: Array, branch: Array, points: Complex, transmission
     turn, swing = (1j * placement[:, 1:2] * on_crank), (1j * placement[:, 2:] * on_coupler)
     moved = np.concatenate([(turn + swing * by_angle)[:, :, None], swing[:, :, None] * by_shape], axis=2)
     moved[flat] = 0.0
-    return Fit(residual, -moved, placement)
-
-
-def outside(fitted: Complex, shape: Array, crank: Array, branch: Array, transmission: float) -> Complex:
-    """The part (n, points, k) of derivatives that no placement takes up."""
-    on_crank = np.exp(1j * crank)
-    on_coupler = coupler_directions(lengths_of(shape, transmission).links, crank, branch)
-    orthonormal, _ = np.linalg.qr(np.stack([np.ones_like(on_crank), on_crank, on_coupler], axis=2))
-    return np.asarray(fitted - orthonormal @ (orthonormal.conj().transpose(0, 2, 1) @ fitted))
+    return Fit(residual, -moved, placement, orthonormal)
 
 
 def coupler_curve(links: Array, branch: float, placement: Complex, crank: Array) -> Complex:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,7 +100,7 @@ def four_bar(
         error=0.0,
     )
     gaps = found.path(angles) @ np.array([1.0, 1.0j]) - points
-    return FourBar(**{**vars(found), "error": float((np.abs(gaps) ** 2).sum())})
+    return replace(found, error=float((np.abs(gaps) ** 2).sum()))
 
 
 def file_texts(linkage: FourBar, name: str, urdf: str, remark: str) -> tuple[str, str]:

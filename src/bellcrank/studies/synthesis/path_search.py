@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.studies.samples import Sample
-from bellcrank.studies.synthesis.four_bar import Array, Complex, fit, outside, shape_bounds
+from bellcrank.studies.synthesis.four_bar import Array, Complex, fit, shape_bounds
 
-SAMPLES = {True: 2**12, False: 2**12}  # Sobol points with and without prescribed angles, on each branch
-KEPT = {True: (128, 24), False: (256, 64)}  # linkages that are improved first, and to the end
+SAMPLES = 2**12  # Sobol points on each branch
+KEPT = {True: (128, 24), False: (256, 64)}  # linkages, by prescribed angles, that are improved first, and to the end
 STEPS = (25, 200)
 BLOCK = 4096  # linkages of one array
 FIRST_DAMPING, LARGEST_DAMPING = 1e-2, 1e12
@@ -41,7 +41,7 @@ class Candidates:
         return Candidates(self.shape[rows], self.crank[rows], self.branch[rows], self.error[rows])
 
     def best(self, count: int) -> Candidates:
-        """The best of them, in order; of linkages that are as good as alike, one."""
+        """The best of them, in order; of linkages that are alike, one."""
         order = np.argsort(self.error, kind="stable")
         order = order[np.isfinite(self.error[order])]
         keys = np.round(np.c_[self.shape[order], self.branch[order], np.cos(self.crank[order, 0])], 4)
@@ -80,7 +80,7 @@ def _in_order(found: Candidates) -> NDArray[np.bool_]:
 def _guesses(points: Complex, timing: Array | None, transmission: float, seed: int) -> Candidates:
     """Linkages at Sobol points."""
     lower, upper = shape_bounds(transmission)
-    count = SAMPLES[timing is not None]
+    count = SAMPLES
     drawn = Sample(count, "sobol", seed).points(0, count, 4 if timing is not None else 9)
     shape = lower + (upper - lower) * np.c_[drawn[:, 0], drawn[:, 1], drawn[:, 2] ** 2]
     start = 2.0 * np.pi * drawn[:, 3:4]
@@ -113,7 +113,7 @@ def _angles(points: Complex, drawn: Array) -> Array:
     span = np.where(closed, 1.0, 0.15 + 0.85 * (2.0 * drawn[:, :1] - 1.0))
     share = np.where(closed, along / steps.sum(), along / along[-1] * (1.0 - 0.5 / len(points))) * span
     first, second = 0.7 * drawn[:, 1:2], 0.15 * drawn[:, 2:3]
-    turns = 2.0 * np.pi * (share + 0.0)
+    turns = 2.0 * np.pi * share
     phases = 2.0 * np.pi * drawn[:, 3:5]
     waves = [size / k * np.sin(k * (turns + phases[:, k - 1 : k])) for k, size in ((1, first), (2, second))]
     grown = turns + waves[0] + waves[1]
@@ -167,7 +167,7 @@ def _normal_equations(
         own = np.zeros((count, size, size), dtype=complex)
         np.einsum("npp->np", own)[...] = slopes[:, :, 0]
         slopes = np.concatenate([own, slopes[:, :, 1:]], axis=2)
-    slopes = outside(slopes, shape, crank, branch, transmission)
+    slopes = found.outside(slopes)
     real = np.concatenate([slopes.real, slopes.imag], axis=1)
     residual = np.concatenate([found.residual.real, found.residual.imag], axis=1)
     transposed = real.transpose(0, 2, 1)

@@ -127,6 +127,7 @@ class Synthesis:
         """
         return {
             "linkage": "four_bar",
+            "status": "local optima were found",
             "points": self.points.tolist(),
             "timing": None if self.timing is None else self.timing.tolist(),
             "least_transmission_angle": self.least_transmission_angle,

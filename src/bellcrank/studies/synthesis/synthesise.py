@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,10 @@ from bellcrank.studies.synthesis.linkage import four_bar
 from bellcrank.studies.synthesis.path_search import search
 from bellcrank.studies.synthesis.synthesis import Synthesis
 
-if TYPE_CHECKING:
-    pass
-
 Array = NDArray[np.float64]
 LINKAGES = ("four_bar",)
 LEAST_POINTS, MOST_POINTS = 4, 500
+FURTHEST, ALIKE = 1e9, 1e-9  # m; of the latter also a share of the distance from the origin
 KEPT = 8  # linkages in the result
 AT_LIMIT = 1e-6  # rad
 TURN = 2.0 * np.pi
@@ -74,13 +72,18 @@ def synthesise(
     arguments.one_of("linkage", linkage, LINKAGES)
     given = arguments.array("points", points, (None, 2), "m")
     if not LEAST_POINTS <= len(given) <= MOST_POINTS:
-        arguments.refuse("points", f"{LEAST_POINTS} to {MOST_POINTS} points", given)
-    given = np.array(given)
+        raise InputError(f"argument 'points': expected {LEAST_POINTS} to {MOST_POINTS} points, found {len(given)}")
+    given, furthest = np.array(given), float(np.abs(given).max())
+    if furthest > FURTHEST:
+        raise InputError(f"argument 'points': expected coordinates up to {FURTHEST:g} m, found {furthest:g} m")
     plane = given @ np.array([1.0, 1.0j])
     centre = complex(plane.mean())
     size = float(np.sqrt((np.abs(plane - centre) ** 2).mean()))
-    if not 1e-9 < size < 1e9:
-        arguments.refuse("points", "points that differ, within 1e9 m", given)
+    if size <= ALIKE * max(1.0, furthest):
+        raise InputError(
+            f"argument 'points': expected points that differ by more than {ALIKE * max(1.0, furthest):.3g} m, found "
+            f"{size:.3g} m; where they are far from the origin, rounding hides smaller differences"
+        )
     angles = _angles(timing, len(given))
     least = _angle("transmission_angle", transmission_angle)
     if not 0.0 <= least < 0.5 * np.pi:
@@ -105,7 +108,7 @@ def read_points(file: Path) -> tuple[Array, Array | None]:
     """Points (n, 2), m, and crank angles (n,), rad, where there are some, of a CSV file with the columns "x [m]",
     "y [m]" and "crank [deg]". Raises InputError.
     """
-    table = read_table(file)
+    table = read_table(file, "a header 'x [m],y [m]' and rows of points")
     columns = {
         name: Column(name, name, unit, Range(above=None)) for name, unit in (("x", "m"), ("y", "m"), ("crank", "rad"))
     }

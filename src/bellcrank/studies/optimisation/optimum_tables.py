@@ -1,0 +1,104 @@
+"""The result of `optimise` as a text, as a table of all designs, and as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.studies.optimisation.local_search import KEPT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bellcrank.studies.optimisation.optimum import Optimum
+
+MOST_SHOWN = 5  # variables in a picture
+
+
+def rows_of(result: Optimum) -> list[tuple[str, str, float, float, str]]:
+    """Name, unit, before, best and remark of the variables, the objective and the limits."""
+    problem, rows, point = result.problem, [], result.problem.present_point()
+    before = [math.nan] * len(problem.variables) if point is None else problem.numbers(point[None])[0].tolist()
+    for variable, own, (name, value) in zip(problem.variables, before, result.values.items(), strict=True):
+        at = result.at_bounds.get(name, "")
+        remark = f"{variable.lower:g} to {variable.upper:g}{f', at the {at} bound' if at else ''}"
+        rows.append((name, variable.axis.unit, own, value, remark))
+    rows.append(_row(result, 0, "minimised" if problem.sign > 0.0 else "maximised"))
+    excess = problem.excess(result.found[None])[0]
+    for k, limit in enumerate(problem.limits):
+        state = ", broken" if excess[k] > KEPT else ", active" if str(limit) in result.active_limits else ""
+        rows.append(_row(result, 1 + k, f"{limit}{state}"))
+    return rows
+
+
+def _row(result: Optimum, k: int, remark: str) -> tuple[str, str, float, float, str]:
+    return (
+        result.problem.measures[k],
+        result.problem.unit_of(k),
+        float(result.before[k]),
+        float(result.found[k]),
+        remark,
+    )
+
+
+def text_table(result: Optimum) -> str:
+    """Variables, objective and limits before and after, multipliers, and the optima that were found."""
+    problem = result.problem
+    cells = [("", "before", "best" if result.keeps_limits else "nearest", "")]
+    for name, unit, before, best, remark in rows_of(result):
+        shown = "" if math.isnan(before) else f"{before:.6g}"
+        cells.append((f"{name} [{unit}]" if unit else name, shown, f"{best:.8g}", remark))
+    widths = [max(len(row[k]) for row in cells) for k in range(3)]
+    lines = [f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells]
+    for name, value in result.multipliers.items():
+        change = f"{value:.4g} {result.problem.unit_of(0)}".rstrip()
+        lines.append(f"per SI unit of '{name}', {problem.measure} changes by {change}")
+    count = f"{problem.count} designs were run, {result.samples} of them Sobol points (seed {result.seed})"
+    lines.append(f"{result.status}: residual {result.residual:.1e}; {count}")
+    for basin in result.basins:
+        found = f"found by {basin.found} of {result.searches} local searches"
+        lines.append(f"  {result.problem.measure_of(0, basin.objective)}: {found}")
+    differences = ", ".join(dict.fromkeys(name for name, how in result.gradients.items() if how != "exact"))
+    lines.append(f"gradients: {f'differences of {differences}' if differences else 'exact'}")
+    return "\n".join(lines)
+
+
+def designs_table(result: Optimum) -> list[Sequence[object]]:
+    """A header with units, and a row for each design: variables, measures, and why it is infeasible."""
+    problem = result.problem
+    head: list[object] = [one.axis.label for one in problem.variables]
+    head += [f"{name} [{result.problem.unit_of(k) or '1'}]" for k, name in enumerate(problem.measures)]
+    rows: list[Sequence[object]] = [[*head, "reason"]]
+    numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
+    for k, (own, found) in enumerate(zip(numbers.tolist(), values.tolist(), strict=True)):
+        cells = ["" if math.isnan(value) else value for value in found]
+        rows.append([*own, *cells, problem.reasons.get(k, "")])
+    return rows
+
+
+def designs_figure(result: Optimum) -> Figure:
+    """The best objective over the designs that were run, and the objective of all designs over each variable."""
+    from bellcrank.plot_style import colour, literal, new_figure, plain
+
+    problem = result.problem
+    shown = problem.variables[:MOST_SHOWN]
+    figure = new_figure(3.2 * (1 + len(shown)), 3.4)
+    axes = np.atleast_1d(figure.subplots(1, 1 + len(shown)))
+    values, numbers = np.concatenate(problem.values), problem.numbers(np.concatenate(problem.points))
+    kept = problem.violation(values) <= KEPT
+    label = f"{problem.measure} [{result.problem.unit_of(0) or '1'}]"
+    axes[0].step(*zip(*result.history, strict=True), where="post", color=colour(0))
+    axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far" if kept.any() else "nearest so far")
+    for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):
+        axis.plot(numbers[~kept, k], values[~kept, 0], ".", color="0.75", markersize=3, label="breaks a limit")
+        axis.plot(numbers[kept, k], values[kept, 0], ".", color=colour(0), markersize=3, label="keeps the limits")
+        name = "best" if result.keeps_limits else "nearest"
+        axis.plot(result.values[variable.axis.path], result.objective, "D", color=colour(1), label=name)
+        axis.set(xlabel=literal(variable.axis.label), ylabel=literal(label))
+    axes[-1].legend(fontsize="small")
+    for axis in axes:
+        plain(axis)
+    return figure

@@ -1,0 +1,165 @@
+"""What a search for the best design is asked for, checked, as a problem of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank import arguments
+from bellcrank.errors import InputError
+from bellcrank.messages import format_value, unknown_name
+from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
+from bellcrank.scene.scene import Scene
+from bellcrank.studies.axes import Axis, read_axis
+from bellcrank.studies.design_space import MOST_DIMENSIONS
+from bellcrank.studies.exceedance import parse_limit
+from bellcrank.studies.local_execution import LocalExecutor
+from bellcrank.studies.optimisation.problem import DesignProblem, Variable
+from bellcrank.studies.samples import LARGEST_SEED
+from bellcrank.studies.sweep_plan import SweepPlan, plan_sizings, plan_sweep
+
+Array = NDArray[np.float64]
+SAMPLES, STARTS = 256, 8
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked for; what is None is as the scene's entry `optimise` says."""
+
+    variables: Mapping[str, Any] | None = None
+    minimise: str | None = None
+    maximise: str | None = None
+    limits: Sequence[str] | None = None
+    size: bool | None = None
+    start: Mapping[str, Any] | None = None
+    samples: int | None = None
+    starts: int | None = None
+    seed: int | None = None
+
+
+def plan_search(
+    scene: Scene, asked: Request, threads: int | None = None, progress: Callable[[int], object] | None = None
+) -> tuple[DesignProblem, Request, Array | None]:
+    """What is looked for, the request with all its numbers, and the start (variables,) that is asked for.
+
+    Raises InputError.
+    """
+    asked = _completed(scene, asked)
+    assert asked.variables is not None and asked.limits is not None
+    plan = _planned(scene, asked.variables, sized=bool(asked.size))
+    units = plan.runner.units
+    for name, measure in (("minimise", asked.minimise), ("maximise", asked.maximise)):
+        if measure is not None and measure not in units:
+            raise InputError(f"optimise {scene.name}: {name}: {unknown_name('measure', measure, units)}")
+    problem = DesignProblem(
+        plan.runner.scene,  # type: ignore[attr-defined]
+        plan.runner,
+        tuple(_variable(scene, axis) for axis in plan.runner.axes),  # type: ignore[attr-defined]
+        asked.minimise or asked.maximise or "",
+        1.0 if asked.minimise else -1.0,
+        tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits),
+        LocalExecutor(threads).threads,
+        progress or (lambda done: None),
+        plan.notes,
+    )
+    return problem, asked, None if asked.start is None else _start(problem, asked.start)
+
+
+def _completed(scene: Scene, asked: Request) -> Request:
+    """The request with what the scene's entry says. Raises InputError."""
+    entry = scene.optimise
+    where = f"optimise {scene.name}"
+    variables = dict(entry.vary) if asked.variables is None else asked.variables
+    variables = arguments.mapping("variables", variables, "a mapping of parameters to their bounds (lower, upper)")
+    if not variables:
+        raise InputError(f"{where}: nothing is varied; give bounds of parameters, or write optimise: {{vary: …}}")
+    minimise, maximise = asked.minimise, asked.maximise
+    for name, value in (("minimise", minimise), ("maximise", maximise)):
+        if value is not None:
+            arguments.text(name, value, "the name of a measure, such as 'lock.time'")
+    if minimise is None and maximise is None:
+        minimise, maximise = entry.minimise, entry.maximise
+    if (minimise is None) == (maximise is None):
+        found = "neither" if minimise is None else "both"
+        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {found}")
+    limits = entry.limits if asked.limits is None else asked.limits
+    limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
+    size = entry.size if asked.size is None else arguments.flag("size", asked.size)
+    counts: dict[str, Any] = {}
+    for name, default, least, most in (
+        ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
+    ):  # fmt: skip
+        given, written = getattr(asked, name), getattr(entry, name)
+        number = given if given is not None else default if written is None else written
+        counts[name] = arguments.whole(name, number, least=least, most=most)
+    return replace(
+        asked, variables=variables, minimise=minimise, maximise=maximise, limits=limits, size=bool(size), **counts
+    )
+
+
+def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPlan:
+    """What runs designs within bounds. Raises InputError."""
+    if len(given) > MOST_DIMENSIONS:
+        raise InputError(f"optimise {scene.name}: expected at most {MOST_DIMENSIONS} variables, found {len(given)}")
+    pairs = {}
+    for path, bounds in given.items():
+        several = isinstance(bounds, (list, tuple, np.ndarray)) and not arguments.is_masked(bounds)
+        if not several or len(bounds) != 2:
+            raise InputError(f"optimise {scene.name}: '{path}': expected two bounds, found {arguments.found(bounds)}")
+        pairs[path] = list(bounds)
+    try:
+        return (plan_sizings if sized else plan_sweep)(scene, pairs, None)
+    except InputError as error:
+        raise _renamed(error, f"optimise {scene.name}:") from None
+
+
+def _renamed(error: InputError, where: str) -> InputError:
+    """The error of the axes of a sweep, as one of what was asked for here."""
+    text = str(error).replace("sweep over", where)
+    return InputError(re.sub(r"""argument 'vary\["(.*?)"\]'""", rf"{where} '\1'", text))
+
+
+def _variable(scene: Scene, axis: Axis) -> Variable:
+    """An axis with two values as a variable. Raises InputError."""
+    where = f"optimise {scene.name}: '{axis.path}'"
+    if not axis.numeric:
+        raise InputError(f"{where}: expected two bounds in one unit, found {format_value(list(axis.choices))}")
+    lower, upper = map(float, axis.numbers)
+    if not lower < upper:
+        found = f"{lower:g} and {upper:g} {axis.unit}".rstrip()
+        raise InputError(f"{where}: expected the lower bound below the upper, found {found}")
+    return Variable(axis, lower, upper)
+
+
+def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
+    """The point of a start. Raises InputError where it is outside the bounds."""
+    given = arguments.mapping("start", given, "a mapping of the variables to their values")
+    names = [variable.axis.path for variable in problem.variables]
+    numbers = []
+    for name in given:
+        if name not in names:
+            raise InputError(f"start: {unknown_name('variable', name, names)}")
+    for variable in problem.variables:
+        axis, path = variable.axis, variable.axis.path
+        if path not in given:
+            raise InputError(f"start: '{path}' has no value; give one of each variable")
+        unit = None if axis.suffix else axis.unit
+        try:
+            own = read_axis(problem.scene, path, [given[path]], unit)
+        except InputError as error:
+            raise _renamed(error, "start:") from None
+        if not own.numeric or (axis.suffix and own.suffix not in ("", axis.suffix)):
+            raise InputError(f"start: '{path}': expected a number in {axis.unit}, found {format_value(given[path])}")
+        number = float(own.numbers[0])
+        if not variable.lower <= number <= variable.upper:
+            raise InputError(
+                f"start: '{path}' is {number:g} {axis.unit}, outside its bounds {variable.lower:g} to "
+                f"{variable.upper:g} {axis.unit}"
+            )
+        numbers.append(number)
+    return problem.point(numbers)
