@@ -73,7 +73,7 @@ def compare(found, sizing):
     """Figures and uses to 1e-9 of the largest of their kind; the verdict is Python's, or is said to be partial.
 
     The torque at a shaft: 1e-8, as the rotor times its ratio multiplies the 1e-9 to which quintics have accelerations.
-    The RMS of it: 1e-7, as the grids of both miss a bend where a load reverses close to an edge of a part. Along Panda's
+    The RMS of it: 1e-7, as the grids of both miss a bend where a load reverses near an edge of a part. Along Panda's
     motions 1e-3: joint 4 is slower than 1e-9 rad/s for 0.7 % of the time, where it counts as resting in the one and as
     moving in the other (sizing/one_sided.py), after changes of speed or of Coulomb friction; 5e-4 was seen.
     """
