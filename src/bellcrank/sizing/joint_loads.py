@@ -102,19 +102,6 @@ class JointLoads:
         """Joint torques (n, k) with the nominal masses."""
         return self.mechanism.torques(t, q, v, a)[0] - self.rotor_inertia * a[:, self.columns]
 
-    def squared(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """The torques (n, c) whose squares are integrated: those at the joints, and those at the shafts that are known,
-        which bend where the load of a gear changes its direction.
-        """
-        torque = self.nominal_torque(t, q, v, a)
-        speed, rate = self.moving(v[:, self.columns]), self.moving(a[:, self.columns])
-        shafts = [
-            self.actuators[name].shaft_torque(torque[:, k], speed[:, k], rate[:, k])
-            for k, name in enumerate(self.joint_names)
-            if self.knows_shaft(name)
-        ]
-        return np.column_stack([torque, *shafts])
-
     def torque_range(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Lowest and highest joint torque (n, k) within the mass tolerance: each link and payload as a whole, mass and
         inertia, is scaled by one factor within 1 ± tolerance.

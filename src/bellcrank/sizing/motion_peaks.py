@@ -70,7 +70,7 @@ def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
     """The peaks and cycles along a motion. Raises InputError where a load is not a finite number."""
     mechanism = loads.mechanism
     probes = reversal_times(motion, coulomb_widths(mechanism))
-    grid = grid_along(motion, probes, force_breaks(mechanism), loads.squared)
+    grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
     values: dict[str, Array] = {}
     largest: dict[str, Maxima] = {}
     for quantities in (lambda *state: loads.history(*state).maximised(), loads.reactions, loads.inertia):

@@ -202,7 +202,7 @@ class _MotionLoads:
         loads = JointLoads(mechanism, sizing.inputs.actuators, 0.0)
         self._rotor, self._columns = loads.rotor_inertia, loads.columns
         probes = reversal_times(motion, coulomb_widths(mechanism))
-        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.squared)
+        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
         g = self.grid
         self.loads, self.speed = self._at(g.force_time, g.position, g.velocity, g.acceleration)
 

@@ -106,9 +106,7 @@ def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Sh
     columns = [joint.v for joint in mechanism.motors]
 
     def squared(t: Array, q: Array, v: Array, a: Array) -> Array:
-        load, speed, rate = torque(t, q, v, a), v[:, columns], a[:, columns]
-        at_shaft = [] if shafts is None else [shafts(load, speed, rate)["shaft"]]
-        return np.hstack([load, speed, rate, *at_shaft])
+        return np.hstack([torque(t, q, v, a), v[:, columns], a[:, columns]])
 
     def largest(t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         load, speed = torque(t, q, v, a), v[:, columns]

@@ -1,7 +1,7 @@
 // ---- the settings of a sizing and what follows from them; text in fields is never trusted
 
 const MOST = 1e9;  // in SI units: larger numbers are refused
-const AGREES = 1e-8;  // relative: where a load reverses close to an edge of a part, RMS torques of motors are off by some 1e-9
+const AGREES = 1e-6;  // relative: where a load reverses close to an edge of a part, RMS torques of motors are off by some 1e-7
 
 /** The state: values of the settings, the last results, and changes that can be undone; listeners hear of each. */
 function makeLiveState(live, functions) {
