@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -121,7 +120,7 @@ def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPla
 def _renamed(error: InputError, where: str) -> InputError:
     """The error of the axes of a sweep, as one of what was asked for here."""
     text = str(error).replace("sweep over", where)
-    return InputError(re.sub(r"""argument 'vary\["(.*?)"\]'""", rf"{where} '\1'", text))
+    return InputError(text.replace("argument 'vary[\"", f"{where} '").replace("\"]'", "'"))
 
 
 def _variable(scene: Scene, axis: Axis) -> Variable:
