@@ -3,7 +3,8 @@
 In turn: chains of 1 to 5 joints, most with dry friction, whose rows are compared with the enumeration of all modes, by
 dense solves; arms of 2 to 4 joints with stops, some with friction and brakes that come and go, in which energy never
 rises, no stop is penetrated, stops only push, and the first impact is that of a dense solution; and four-bars with
-friction in all four pins, against the enumeration of modes with a dense KKT system.
+friction in all four pins, against the enumeration of modes with a dense KKT system; and chains behind rigid gears with
+losses by load, against the enumeration of their sides, half of them with stops, in which no impact raises the energy.
 
 python -m tests.campaigns.hybrid_scenes --cases 10000 --seed 1
 """
@@ -14,8 +15,11 @@ import tempfile
 from pathlib import Path
 
 from tests.simulation.test_dry_friction import check_chain
+from tests.simulation.test_gear_losses import check_geared, check_geared_stops
 from tests.simulation.test_joint_stops import check_arm
 from tests.simulation.test_pin_friction import check_random_four_bar
+
+CHECKS = (check_chain, check_arm, check_random_four_bar, check_geared, check_arm, check_chain, check_geared_stops)
 
 
 def main():
@@ -30,10 +34,8 @@ def main():
         seed = given.seed * 1_000_000 + k
         with tempfile.TemporaryDirectory() as folder:
             try:
-                if k % 3 == 1:
-                    impacts += check_arm(Path(folder), seed)
-                else:
-                    (check_random_four_bar if k % 3 else check_chain)(Path(folder), seed)
+                check = CHECKS[k % len(CHECKS)]
+                impacts += check(Path(folder), seed) or 0
             except Exception as error:
                 wrong.append(seed)
                 print(f"seed {seed}: {type(error).__name__}: {str(error)[:300]}", flush=True)

@@ -12,13 +12,15 @@ Algorithms (2008), ch. 7, by Pinocchio.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, KktSolution, proximal, solve_constrained
+from bellcrank.dynamics.gear_losses import GearLosses
+from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, Factor, KktSolution, proximal, solve_constrained
 from bellcrank.dynamics.reactions import ConstraintReactions
 from bellcrank.dynamics.stuck_joints import StuckJoints, key_of
 from bellcrank.elements.dry_friction import RestingJoint
@@ -157,11 +159,9 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         passive += s.additions.load
     none = casadi.SX(0, 1)
     s.load_at_start = _load_at_start(scene, s)
-    works, spent = [work.rate(s) for work in scene.works], casadi.SX.sym("W")
-    z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states], *works)
-    z_start = casadi.vertcat(
-        none, *[part.auxiliary_start(s) for part in with_states], *[casadi.SX(*each.shape) for each in works]
-    )
+    works, spent = casadi.SX(sum(work.states.size for work in scene.works), 1), casadi.SX.sym("W")
+    z_rate = casadi.vertcat(none, *[part.auxiliary_rate(s) for part in with_states], works)
+    z_start = casadi.vertcat(none, *[part.auxiliary_start(s) for part in with_states], casadi.SX.zeros(works.shape))
     torque = actuator + passive
     newton_euler = s.algorithm("inverse_dynamics")
     bias = newton_euler(s.q, s.v, casadi.SX(robot.nv, 1), s.tracer_parameters)
@@ -169,12 +169,15 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
     p = casadi.vertcat(s.p, gains)
     solution, reaction, plain_power = None, casadi.SX(robot.nv, 1), power
     held_parts = scene.parts_with_modes
-    held = _Held(none, none, none, z_rate)
+    held, losses = _Held(none, none, none, z_rate), GearLosses.of(scene, s) if held_sides else None
     if scene.constraints:
         rows, sizes = _symbolic_rows(scene)
         constraints = differentiate_constraints(scene.constraints, rows, s)
         share = casadi.SX.sym("regularisation")
-        solution = solve_constrained(mass_matrix(s), constraints, torque - bias, gains, share)
+        mass, force = mass_matrix(s), torque - bias
+        if losses is not None:
+            mass, force = losses.mass(mass), force + losses.force
+        solution = solve_constrained(mass, constraints, force, gains, share)
         p = casadi.vertcat(p, sizes, share)
         acceleration = solution.proximal.acceleration
         if held_parts:
@@ -182,14 +185,16 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
             acceleration = solution.proximal.acceleration
         reaction = constraints.jacobian.T @ solution.proximal.multipliers
         plain_power = power + constraints.power(solution.plain.multipliers)
+        if losses is not None:
+            plain_power += casadi.dot(losses.lost(solution.plain.acceleration), s.v)
         power = power + constraints.power(solution.proximal.multipliers)
     else:
-        acceleration = s.algorithm("forward_dynamics")(s.q, s.v, torque, s.tracer_parameters)
+        chain = _OpenChain(s, None if losses is None else losses.mass(mass_matrix(s)))
+        acceleration = chain.acceleration(torque if losses is None else torque + losses.force, bias)
         if held_parts:
             joints = _stuck_joints(scene, s, gains)
-            units = joints.unit_forces(robot.nv)
-            response = joints.responses(casadi.horzsplit(s.response(units)) if units else [], robot.nv)
-            inertia = joints.inertias(casadi.diag(mass_matrix(s)))
+            response = joints.responses(chain.responses(joints.unit_forces(robot.nv)), robot.nv)
+            inertia = joints.inertias(casadi.diag(mass_matrix(s) if chain.mass is None else chain.mass))
             before = casadi.vertcat(acceleration, z_rate)
             forces = joints.forces(joints.accelerations(before), response, inertia, regular=not joints.ways)
             acceleration, rates = _parted(joints.at_rest(before + response @ forces), robot.nv)
@@ -198,6 +203,13 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         s.holding[part.name] = held.forces[k]
         if part.rotor is None and not isinstance(part, RestingJoint):
             passive += part.along(s, held.forces[k])
+    if losses is not None:
+        losses.set_forces(acceleration, s)
+        passive += losses.lost(acceleration)
+        power += casadi.dot(losses.lost(acceleration), s.v)
+    rates = held.auxiliary_rate
+    if scene.works:
+        rates = casadi.vertcat(rates[: -works.numel()], *[work.rate(s) for work in scene.works])
     torque = actuator + passive
     energy = s.algorithm("energy")(s.q, s.v, s.tracer_parameters)
     # an independent check of the accelerations: recursive Newton-Euler must give back the torque
@@ -228,7 +240,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         z=s.z,
         work=spent,
         rate=s.algorithm("configuration_rate")(s.q, s.v),
-        auxiliary_rate=held.auxiliary_rate,
+        auxiliary_rate=rates,
         auxiliary_start=z_start,
         acceleration=acceleration,
         actuator=actuator,
@@ -248,6 +260,33 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         mode_turn=held.turn,
         impacts=bool(scene.stops_of_joints),
     )
+
+
+class _OpenChain(NamedTuple):
+    """Accelerations without constraints, by the articulated-body algorithm, or by a mass matrix of their own."""
+
+    s: Symbols
+    mass: casadi.SX | None
+
+    def acceleration(self, torque: casadi.SX, bias: casadi.SX) -> casadi.SX:
+        """v̇ (nv) by joint forces and bias (nv)."""
+        if self.mass is None:
+            found: casadi.SX = self.s.algorithm("forward_dynamics")(
+                self.s.q, self.s.v, torque, self.s.tracer_parameters
+            )
+            return found
+        return self.responses([torque - bias])[0]
+
+    def responses(self, forces: Sequence[casadi.SX]) -> list[casadi.SX]:
+        """The accelerations (nv) by generalised forces (nv) alone."""
+        import casadi
+
+        if not forces:
+            return []
+        if self.mass is None:
+            return list(casadi.horzsplit(self.s.response(forces)))
+        factor, none = Factor(self.mass, casadi.SX(0, self.mass.size1()), casadi.SX(0, 1)), casadi.SX(0, 1)
+        return [factor.solve(force, none)[0] for force in forces]
 
 
 class _Held(NamedTuple):

@@ -266,7 +266,9 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
         free = 1.0 - 2.0 * casadi.fmax(holds, direction * direction)  # a released brake exerts no force
         return casadi.if_else(most > 0.0, found, free)
 
-    return _Part(least, most, part.sliding(s, direction), lasts, casadi.SX.zeros(1, 3))
+    gain, gained = part.gain(s), part.gained(s)
+    slides = part.sliding(s, direction) * gain
+    return _Part(least - gained, most - gained, slides, lasts, casadi.SX.zeros(1, 3))
 
 
 def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:

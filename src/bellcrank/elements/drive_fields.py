@@ -56,7 +56,8 @@ def read_drives(
             raise entry.error(
                 "model",
                 f"joint '{name}' has dry_friction or a brake, and the rotor's friction acts there too, since the "
-                "gear is rigid; write elastic, or rotor_friction: none and add the two",
+                "gear is rigid; write elastic"
+                + ("" if drive.loses_by_load else ", or rotor_friction: none and add the two"),
             )
         for taken in names:
             if taken in (drive.name, f"rotor_friction_{name}"):
@@ -163,7 +164,16 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
     if not LEAST_RATIO <= ratio <= 1.0 / LEAST_RATIO:
         raise entry.error("model", f"expected a ratio of {LEAST_RATIO:g} to {1.0 / LEAST_RATIO:g}, found {ratio:g}")
     if "elastic" not in entry:
-        return {"ratio": ratio}
+        if gear.efficiency is None:
+            return {"ratio": ratio}
+        if gear.driven_efficiency == 0.0:
+            raise entry.error(
+                "model",
+                "a gear that locks itself (back_efficiency: 0) requires 'elastic': behind a rigid one the equations of "
+                "motion may have no solution",
+            )
+        assert gear.driven_efficiency is not None
+        return {"ratio": ratio, "efficiency": gear.efficiency, "back_efficiency": gear.driven_efficiency}
     elastic = entry.mapping("elastic")
     elastic.only(("stiffness", "damping", "backlash"))
     if "stiffness" in elastic or gear.stiffness is None:

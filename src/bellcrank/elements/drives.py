@@ -24,9 +24,10 @@ the winding (thermal.py). With a `supply` the bus voltage is a state (supply.py)
 
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
-Losses of an elastic gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1)
-where the motor drives the load and |P| (1 − η_b) where the load drives the motor. With η_b = 0 the gear locks itself:
-then the second is |P| (1/η − 1) too, as of a screw whose friction is the same both ways, and at least 1.01 |P|.
+Losses of a gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1) where
+the motor drives the load and |P| (1 − η_b) where the load drives the motor. With η_b = 0 the gear locks itself: the
+second is then |P| (1/η − 1) too, as of a screw whose friction is the same both ways, and at least 1.01 |P|; it must
+be elastic. The force F of a rigid gear follows from the accelerations (gear_losses.py).
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ class Drive(Controller):
 
     Attributes:
         model: "torque", "dc" or "dq".
-        gear: Its ratio; with an elastic gear also the inertia J at the rotor, stiffness c, damping d, backlash b,
-            efficiency and back_efficiency.
+        gear: Its ratio; efficiency and back_efficiency, which a rigid gear may not state; with an elastic gear also the
+            inertia J at the rotor, stiffness c, damping d and backlash b.
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
         circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage; of
@@ -157,6 +158,11 @@ class Drive(Controller):
         return command if not self.has_backlash else (*command, *self._pushes)
 
     @property
+    def loses_by_load(self) -> bool:
+        """Whether losses of the gear depend on its load."""
+        return any(self.gear.get(key, 1.0) != 1.0 for key in ("efficiency", "back_efficiency"))
+
+    @property
     def has_backlash(self) -> bool:
         """Whether the gear has a gap."""
         return self.gear.get("backlash", 0.0) > 0.0
@@ -211,8 +217,7 @@ class Drive(Controller):
     @property
     def friction(self) -> RotorFriction | None:
         """The dry friction of the rotor; None where there is none."""
-        lossless = not self.is_elastic or self.gear["efficiency"] == self.gear["back_efficiency"] == 1.0
-        if self.loss["static"] == 0.0 and lossless:
+        if self.loss["static"] == 0.0 and not self.loses_by_load:
             return None
         coulomb, static, speed, viscous = (self.loss[key] for key in LOSS)
         name = f"rotor_friction_{self.joint.name}"
@@ -283,16 +288,18 @@ class Drive(Controller):
             stored += stiffness * beyond * deep * sign * rate
         return force, potential, force * rate - stored
 
+    @property
+    def loss_shares(self) -> tuple[float, float]:
+        """The losses of the gear by its load: while the motor drives the load, and while the load drives the motor."""
+        driving, driven = 1.0 / self.gear["efficiency"] - 1.0, 1.0 - self.gear["back_efficiency"]
+        return driving, max(driving, LOCKED) if driven == 1.0 else driven
+
     def load_loss(self, symbols: Symbols, direction: casadi.SX | float) -> casadi.SX:
         """The loss of an elastic gear (N m at the rotor, 0 or more) while the rotor turns in a direction, 1 or −1."""
         import casadi
 
-        if not self.is_elastic:
-            return casadi.SX(0)
         load = self.gear_force(symbols)[0] / self.gear["ratio"] * direction
-        driving, driven = 1.0 / self.gear["efficiency"] - 1.0, 1.0 - self.gear["back_efficiency"]
-        if driven == 1.0:
-            driven = max(driving, LOCKED)
+        driving, driven = self.loss_shares
         return casadi.fmax(load, 0.0) * driving + casadi.fmax(-load, 0.0) * driven
 
     # ---- motor and servo
@@ -430,7 +437,9 @@ class Drive(Controller):
         friction = self._friction_torque(symbols)
         power = (torque + friction) * speed
         if not self.is_elastic:
-            force = self.gear["ratio"] * (torque + friction)
+            force, lost = self.gear["ratio"] * (torque + friction), symbols.holding.get(self.name)
+            if lost is not None:  # by the load of the gear, as soon as accelerations are known
+                force, power = force + lost, power + lost * symbols.joint(self.joint).velocity
             return GeneralisedForce(symbols.joint_force(self.joint.v, force), symbols.zero, power, True)
         force, potential, lost = self.gear_force(symbols)
         kinetic = 0.5 * self.value(symbols, "gear.inertia") * speed * speed
@@ -536,6 +545,8 @@ class Drive(Controller):
         found = [self.torque(symbols), speed, self.generalised_force(symbols).force[self.joint.v]]
         if self.is_elastic:
             found.append(angle / self.gear["ratio"] - position)
+        elif self.friction is not None:
+            found[2] += symbols.holding.get(self.friction.name, 0.0)
         if self.model == "dc":
             found += [*self.currents(symbols), *self.voltages(symbols)]
         elif self.model == "dq":
@@ -581,18 +592,72 @@ class RotorFriction(JointDryFriction):
         found = self.drive.value(symbols, f"loss.{name}")
         return found / self._scale if name == "speed" else found * self._scale
 
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether it holds as much in both directions."""
+        return self.rotor is None and not self.has_load_side
+
+    @property
+    def has_load_side(self) -> bool:
+        """Whether it is that of a rigid gear with losses by load, for which a run holds who drives."""
+        return self.drive.loses_by_load and not self.drive.is_elastic
+
+    @property
+    def formulas(self) -> tuple[Expression, ...]:
+        """1 while the motor drives the load of a rigid gear, else 0."""
+        if not self.has_load_side:
+            return ()
+        drives = Term("step", (Term("gear load", value=self.drive.name),))
+        return (Expression("", drives, repr(drives)),)
+
+    def gain(self, symbols: Symbols) -> casadi.SX | float:
+        """What reaches the joint of the motor's torque behind a rigid gear with losses by load, as a share.
+
+        η while the motor drives the load, 1/η_b while the load drives the motor, and 1 at rest.
+        """
+        if not self.has_load_side or not symbols.held_sides:
+            return 1.0
+        direction, moves, *_ = (symbols.signal(self.mode)[k] for k in range(4))
+        driving, driven = self.drive.loss_shares
+        drives = self.formulas[0].value(symbols, None, symbols.sides(self))
+        share = (1.0 / (1.0 + driving)) * drives + (1.0 / (1.0 - driven)) * (1.0 - drives)
+        return 1.0 + moves * direction * direction * (share - 1.0)
+
     def limits(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
-        """The least and the largest force at rest: losses of the gear depend on the direction."""
+        """The least and the largest force at rest: losses of the gear depend on the direction.
+
+        At rest the force of a rigid gear is F = T + x, T being that of the motor and x that of friction, both at the
+        joint. x cannot keep the joint from moving forwards below −(f + losses of F), f being the rotor's own friction.
+        """
         import casadi
 
-        most = super().limit(symbols)
-        forward, backward = (self.drive.load_loss(symbols, d) for d in (1.0, -1.0))
-        least = LEAST_FRICTION
-        return -casadi.fmax(most + forward, least), casadi.fmax(most + backward, least)
+        most, least = super().limit(symbols), LEAST_FRICTION
+        if not self.has_load_side:
+            forward, backward = (
+                (self.drive.load_loss(symbols, d) if self.drive.is_elastic else symbols.zero) for d in (1.0, -1.0)
+            )
+            return -casadi.fmax(most + forward, least), casadi.fmax(most + backward, least)
+        driving, driven = self.drive.loss_shares
+        torque, least = self._motor_force(symbols), self._scale * least
+        forward, backward = (
+            casadi.fmax(
+                casadi.fmax((most + driving * along) / (1.0 + driving), (most - driven * along) / (1.0 - driven)), least
+            )
+            for along in (torque, -torque)
+        )
+        return -forward, backward
+
+    def _motor_force(self, symbols: Symbols) -> casadi.SX:
+        return self._scale * self.drive.torque(symbols)
+
+    def gained(self, symbols: Symbols) -> casadi.SX | float:
+        """The force (N m or N) that `gain` adds to that of the motor."""
+        return (self.gain(symbols) - 1.0) * self._motor_force(symbols) if self.has_load_side else 0.0
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
-        """The force at the shaft while it turns in a direction, 1 or −1."""
-        return super().sliding(symbols, direction) - direction * self.drive.load_loss(symbols, direction)
+        """The force at the shaft while it turns in a direction, 1 or −1; without losses of a rigid gear by its load."""
+        force = super().sliding(symbols, direction)
+        return force - direction * self.drive.load_loss(symbols, direction) if self.drive.is_elastic else force
 
     def at_rotor(self, symbols: Symbols) -> casadi.SX:
         """The torque (N m) at the rotor while it turns; that of a stuck one follows from the equations of motion."""

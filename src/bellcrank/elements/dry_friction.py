@@ -167,6 +167,14 @@ class DryFriction(Force):
         falling = casadi.exp(-share) if self.law == "exponential" else 1.0 / (1.0 + share)
         return -direction * (coulomb + (static - coulomb) * falling)
 
+    def gain(self, symbols: Symbols) -> casadi.SX | float:
+        """What of its force of sliding reaches the joint, as a share: not 1 behind a gear with losses by load."""
+        return 1.0
+
+    def gained(self, symbols: Symbols) -> casadi.SX | float:
+        """The force (N m or N) that such a gear adds to that of the motor while the joint moves."""
+        return 0.0
+
     def direction(self, symbols: Symbols) -> casadi.SX:
         """The direction of motion, as held by a run; elsewhere the sign of the velocity."""
         import casadi

@@ -39,7 +39,7 @@ FRAME = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 LONGEST, DEEPEST = 2000, 200
 _NAMED = ("joint", "frame", "output")
 _GUARDING = ("sqrt", "log", "asin", "acos", "tan")  # functions that, like powers and quotients, have no value somewhere
-_VARYING = ("time", "joint", "frame", "auxiliary")  # leaves that change along a run
+_VARYING = ("time", "joint", "frame", "auxiliary", "gear load")  # leaves that change along a run
 _CONSTANT: Final[dict[str, Callable[..., Any]]] = {  # (value, *pieces) -> number
     "number": lambda value: value, "negative": lambda _, x: -x, "+": lambda _, x, y: x + y, "-": lambda _, x, y: x - y,
     "*": lambda _, x, y: x * y, "/": lambda _, x, y: x / y, "**": lambda _, x, y: x**y,
@@ -346,6 +346,8 @@ def _leaf(term: Term, s: Symbols, acceleration: casadi.SX | None) -> Any:
     if term.operation == "auxiliary":  # a state of a drive, by its name, its labels and its number
         name, labels, k = term.value
         return s.auxiliary(AuxiliaryStates(name, labels))[k]
+    if term.operation == "gear load":  # along the motion of a drive, by its name; found with the accelerations
+        return s.gear_loads[term.value]
     if term.operation == "setting":  # a number of an element, which a parameter may set
         return casadi.SX(s.value(*term.value))
     name, what = term.value

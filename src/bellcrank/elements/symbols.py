@@ -102,7 +102,10 @@ class Symbols:
         self._frame_source: FrameSource | None = None
         self.additions: Additions | None = None
         self.load_at_start = casadi.SX(robot.nv, 1)  # the forces that drives have to exert there (drives.py)
-        self.holding: dict[str, casadi.SX] = {}  # the force of dry friction at a stuck joint, by name (stuck_joints.py)
+        # forces that follow from the accelerations: of dry friction at a stuck joint (stuck_joints.py), and of the
+        # losses of a rigid gear (gear_losses.py), by name; and the loads of such gears
+        self.holding: dict[str, casadi.SX] = {}
+        self.gear_loads: dict[str, casadi.SX] = {}
 
     # ---- inputs
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.text import utf8
 
 
 def write_json(path: Path, content: Any, *, indent: int = 1, ascii_only: bool = False) -> Path:
@@ -24,7 +25,7 @@ def list_files(path: Path, listed: Sequence[str], names: Sequence[str]) -> None:
 
     The rest is not made again. Raises InputError where the file cannot be written.
     """
-    before, after = (json_text({"files": list(each)})[1:-3].encode() for each in (listed, names))
+    before, after = (utf8(json_text({"files": list(each)})[1:-3]) for each in (listed, names))
     with writing(path) as temporary:
         temporary.write_bytes(path.read_bytes().replace(before, after, 1))
 

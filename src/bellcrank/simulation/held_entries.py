@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
-from bellcrank.elements.drives import Drive
+from bellcrank.elements.drives import Drive, RotorFriction
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
 from bellcrank.elements.joint_stops import JointStop
@@ -59,6 +59,8 @@ def held_entries(scene: Scene) -> HeldEntries | None:
 
 
 def _mode_kind(part: DryFriction | JointStop | RestingJoint) -> int:
+    if isinstance(part, RotorFriction) and part.has_load_side:
+        return 4
     return 3 if isinstance(part, RestingJoint) else 1 + part.latch if isinstance(part, JointStop) else 0
 
 

@@ -126,7 +126,8 @@ class HeldEntries:
         switch_count: How many of the first are sides, 1 or -1.
         switches: Address of (t, x, u, p) -> the functions whose signs they are, and those that are positive while the
             modes last; 0 where there are none.
-        mode_kinds: 0 for dry friction, 1 for a stop, 2 for one that latches.
+        mode_kinds: 0 for dry friction, 1 for a stop, 2 for one that latches, 3 for a joint without forces in a
+            linkage, 4 for dry friction of a gear with losses by load.
         mode_ends: 1 where a contact, or friction that brings a joint to rest, ends the run, else 0.
         mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
         work_row: The entry of x that is the work, which impacts change; −1: there is none.

@@ -92,7 +92,6 @@ def _motor_drives(scene: Scene) -> Iterator[str]:
             stated = [
                 text
                 for text, there in (
-                    ("its losses by load", gear.efficiency is not None and gear.efficiency < 1.0),
                     ("its stiffness", gear.stiffness is not None),
                     ("its backlash", bool(gear.backlash)),
                 )
@@ -100,6 +99,11 @@ def _motor_drives(scene: Scene) -> Iterator[str]:
             ]
             if stated:
                 yield f"drive of '{name}': the gear is rigid, {', '.join(stated)} not simulated; write 'elastic'"
+            if gear.efficiency is None:
+                yield (
+                    f"drive of '{name}': the gear's efficiency is not stated, its losses by load are not simulated; "
+                    "state gear.efficiency"
+                )
         if not drive.is_limited:
             what = "torque" if drive.model == "torque" else "voltage"
             yield f"drive of '{name}': no limit of its {what} is stated, so that nothing limits it"

@@ -244,6 +244,7 @@ class Held {
   bool is_latch(int j) const { return h_.mode_kinds[j] == 2; }
   bool is_pin(int j) const { return h_.mode_rows[j] < 0; }
   bool is_forceless(int j) const { return h_.mode_kinds[j] == 3; }
+  bool has_load_side(int j) const { return h_.mode_kinds[j] == 4; }
   double response(const Turn& f, int j, int k) const { return f.coupling[k * h_.mode_count + j]; }
 
   // Whether constraints and prescribed motions alone determine how a joint moves, so that no force holds it.
@@ -279,7 +280,7 @@ class Held {
     }
     const bool gives_way = cause >= 0 && !mode(cause).moves;  // its force has reached its limit; that of a stop is 0
     if (hits) {
-      if (!impact(f) || !evaluate(t, state_, f)) return false;
+      if (!without_load_sides(t, f) || !impact(f) || !evaluate(t, state_, f)) return false;
       for (int j = 0; j < n; ++j)
         if (!is_stop(j) && !is_forceless(j) && f.velocity[j] != 0) mode(j) = {1.0 * sign(f.velocity[j]), 1, 0, 0};
     }
@@ -291,6 +292,14 @@ class Held {
     }
     rested_ = true;
     return still_pins(t);
+  }
+
+  // An impact passes gears with losses by load as if these were at rest, without losses.
+  bool without_load_sides(double t, Turn& f) {
+    bool any = false;
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (has_load_side(j)) mode(j) = {0, 0, 0, 0}, any = true;
+    return !any || evaluate(t, state_, f);
   }
 
   // Takes the pins that are at rest to velocity 0 exactly, with the joints that are.
