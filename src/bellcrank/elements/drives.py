@@ -655,9 +655,18 @@ class RotorFriction(JointDryFriction):
         return (self.gain(symbols) - 1.0) * self._motor_force(symbols) if self.has_load_side else 0.0
 
     def sliding(self, symbols: Symbols, direction: casadi.SX) -> casadi.SX:
-        """The force at the shaft while it turns in a direction, 1 or −1; without losses of a rigid gear by its load."""
+        """The force at the shaft while it turns in a direction, 1 or −1; without losses of a rigid gear by its load.
+
+        Of such a gear at rest whose friction is at its limit in a direction: that limit.
+        """
         force = super().sliding(symbols, direction)
-        return force - direction * self.drive.load_loss(symbols, direction) if self.drive.is_elastic else force
+        if self.drive.is_elastic:
+            return force - direction * self.drive.load_loss(symbols, direction)
+        if not self.has_load_side or not symbols.held_sides:
+            return force
+        moves, (least, most) = symbols.signal(self.mode)[1], self.limits(symbols)
+        forward, backward = 0.5 * direction * (direction + 1.0), 0.5 * direction * (direction - 1.0)
+        return moves * force + (1.0 - moves) * (forward * least + backward * most)
 
     def at_rotor(self, symbols: Symbols) -> casadi.SX:
         """The torque (N m) at the rotor while it turns; that of a stuck one follows from the equations of motion."""

@@ -42,6 +42,7 @@ class BoundedForces {
   // Whether joint i accelerates, by more than rounding explains.
   bool moves(int i, int n) const { return std::fabs(acceleration[i]) > rounding(i, n); }
   bool at_limit(int i) const { return side_[i] != 0; }
+  bool at_most(int i) const { return side_[i] > 0; }  // its upper limit
   // Whether the force of joint i, below its limit, keeps it at rest; otherwise others do.
   bool holds(int i) const { return free_[i] > 0; }
   // Whether joint i could move, by more than a share of its own response, while the joints that hold do not.

@@ -371,7 +371,7 @@ class Held {
     modes_.solve(count);
     for (int k = 0; k < count; ++k) {
       const int j = resting_[k];
-      const double direction = modes_.force[k] > 0 ? -1 : 1;
+      const double direction = modes_.at_most(k) ? -1 : 1;
       Mode& m = mode(j);
       if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {
         if (modes_.can_move(k, count, follows_exactly)) continue;
