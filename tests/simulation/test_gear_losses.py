@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 import bellcrank as bc
 from tests.simulation.test_drives import GEAR, LOAD, MASS, REACH, G, J, N, column, scene
 from tests.simulation.test_dry_friction import random_chain
+from tests.simulation.test_pin_friction import tips
 
 ROTOR = N * N * J
 DRIVING, DRIVEN = 0.8, 0.6
@@ -243,3 +244,91 @@ def test_random_chains_of_lossy_drives_move_as_the_enumeration_of_their_sides_sa
 @pytest.mark.tier2
 def test_impacts_behind_lossy_gears_never_raise_the_energy(tmp_path):
     assert sum(check_geared_stops(tmp_path, seed) for seed in range(60)) > 100
+
+
+def test_the_torque_of_a_sizing_gives_the_acceleration_of_its_motion(tmp_path):
+    # the judge's losses are those of a run: at rows of the motion its motor torque accelerates as the motion does
+    joints = {
+        "shoulder": {"ratio": 80.0, "efficiency": 0.7, "back_efficiency": 0.5, "friction": 0.01},
+        "elbow": {"ratio": 50.0, "efficiency": 0.85, "back_efficiency": 0.8, "friction": 0.004},
+    }
+    data = dict(bc.load_scene("planar_2r").data)
+    motor = {"maker": "a", "model": "b", "rotor_inertia": 3e-5, "nominal_torque": 1.0, "nominal_speed": 500.0}
+    data["actuators"] = {
+        name: {
+            "motor": motor | {"coulomb_friction": one["friction"], "viscous_friction": 1e-5},
+            "gear": GEAR
+            | {"ratio": one["ratio"], "efficiency": one["efficiency"], "back_efficiency": one["back_efficiency"]},
+        }
+        for name, one in joints.items()
+    }
+    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(data))
+    sizing = bc.size(tmp_path / "arm.yaml")
+    history = next(iter(sizing.histories.values()))
+    rows = [k for k in range(20, 981, 137) if all(abs(history.joint(n).velocity[k]) > 0.05 for n in joints)]
+    assert len(rows) > 3
+    for k in rows:
+        at = {n: history.joint(n) for n in joints}
+        drives = {}
+        for n in joints:  # the torque of the shaft, and of the rotor's friction
+            shaft, speed = float(at[n].shaft.torque[k]), float(at[n].shaft.speed[k])
+            torque = shaft + math.copysign(joints[n]["friction"], speed) + 1e-5 * speed
+            drives[n] = data["actuators"][n] | {"model": "torque", "servo": {"torque": torque}}
+        start = {n: float(at[n].position[k]) for n in joints}
+        start |= {"velocity": {n: float(at[n].velocity[k]) for n in joints}}
+        path = tmp_path / "row.yaml"
+        path.write_text(yaml.safe_dump(data | {"actuators": drives, "initial": start}))
+        run = bc.simulate(path, duration=1e-6, times=[0.0, 1e-6])
+        expected = [at[n].acceleration[k] for n in run.robot.joint_names]
+        assert run.acceleration[0] == pytest.approx(expected, rel=1e-8, abs=1e-8)
+
+
+def test_a_linkage_behind_a_lossy_gear_moves_as_the_dense_kkt_system_of_its_side_says(tmp_path):
+    data = dict(bc.load_scene("four_bar").data)
+    for key in ("forces", "events", "outputs"):
+        data.pop(key)
+    rotor, ratio = 2e-3, 30.0
+    gear = GEAR | {"ratio": ratio, "efficiency": DRIVING, "back_efficiency": DRIVEN}
+    motor = {"maker": "a", "model": "b", "rotor_inertia": rotor}
+    data["actuators"] = {"crank": {"motor": motor, "gear": gear, "model": "torque", "rotor_friction": "none",
+                                   "servo": {"torque": "2*sin(5*t)"}}}  # fmt: skip
+    data |= {"gravity": [0, -9.81, 0], "outputs": {"w": {"work": "all"}, "apex": {"constraint": "apex"}}}
+    data["initial"] = {"crank": "50 deg", "coupler": {"guess": "310 deg"}, "rocker": {"guess": "50 deg"}}
+    data["simulate"] = {"duration": 3, "rtol": 1e-10, "atol": 1e-10, "samples": 61}
+    (tmp_path / "loop.yaml").write_text(yaml.safe_dump(data))
+    run = bc.simulate(tmp_path / "loop.yaml")
+    assert run.success and run.energy_drift() < 1e-7
+    crank, sides = run.robot.joint("crank").v, set()
+    for row in range(len(run.time)):
+        q, v, a = run.position[row], run.velocity[row], run.acceleration[row]
+        (jacobian, drift), bias = tips(q), run.robot.inverse_dynamics(q, v, np.zeros(3))
+        mass = run.robot.mass_matrix(q)
+        allowed = []
+        for side, share in ((1, DRIVING), (-1, 1 / DRIVEN)):
+            own = mass.copy()
+            own[crank, crank] += (share - 1) * ratio**2 * rotor
+            force = -bias
+            force[crank] += share * ratio * 2 * math.sin(5 * run.time[row])
+            system = np.block([[own, jacobian.T], [jacobian, np.zeros((2, 2))]])
+            found = np.linalg.solve(system, np.concatenate([force, -drift(v)]))[:3]
+            load = ratio * 2 * math.sin(5 * run.time[row]) - ratio**2 * rotor * found[crank]
+            if load * v[crank] * side >= 0:
+                allowed.append((found, side))
+        if abs(v[crank]) > 1e-9:
+            sides |= {side for _, side in allowed}
+            assert min(np.abs(a - found).max() / (1 + np.abs(found).max()) for found, _ in allowed) < 1e-9
+    assert sides == {1, -1}
+
+
+def test_a_rigid_gear_that_locks_itself_and_an_unknown_efficiency_are_told(tmp_path):
+    drive = {"gear": GEAR | {"efficiency": 0.4, "back_efficiency": 0.0}, "servo": {"torque": 0.0}}
+    with pytest.raises(
+        bc.InputError, match=r"actuators\.axis\.model \(line \d+\): a gear that locks itself .* 'elastic'"
+    ):
+        bc.load_scene(scene(tmp_path, drive))
+    unknown = {key: value for key, value in GEAR.items() if key != "efficiency"}
+    run = bc.simulate(scene(tmp_path, {"gear": unknown, "servo": {"torque": 0.0}}))
+    assert any("efficiency is not stated" in note for note in run.notes)
+    brake = {"joints": {"axis": {"brake": {"torque": 1.0, "engaged": "t - 0.5"}}}}
+    with pytest.raises(bc.InputError, match=r"write elastic$"):
+        bc.load_scene(scene(tmp_path, {"gear": LOSSY, "servo": {"torque": 0.0}}, **brake))

@@ -56,7 +56,7 @@ def test_a_selection_is_followed_with_a_servo_that_is_taken_for_it(chosen: Path)
     found, of_file = bc.verify_selection(selection), bc.verify_selection(chosen)
     assert found.axes == of_file.axes
     assert found.kept and "the file describes no drive of shoulder" in found.warnings[0]
-    assert any("the gear is rigid, its losses by load, its stiffness, its backlash" in text for text in found.warnings)
+    assert any("the gear is rigid, its stiffness, its backlash" in text for text in found.warnings)
 
 
 def test_what_is_measured_is_what_the_run_has(chosen: Path) -> None:
@@ -118,9 +118,9 @@ def test_a_selection_passes_over_drives_that_do_not_follow(chosen: Path, tmp_pat
     error = max(axis.tracking_error for axis in bc.verify_selection(first).axes)
     loose = bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"tracking_error": 2.0 * error})
     assert loose.axis("shoulder").chosen.id == first.axis("shoulder").chosen.id and loose.follows and loose.inside
-    tight = bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"tracking_error": 0.9 * error})
+    tight = bc.select("geared_pendulum", makers=["maxon"], simulated_limits={"tracking_error": 0.95 * error})
     assert tight.follows and tight.axis("shoulder").chosen.id != first.axis("shoulder").chosen.id
-    assert tight.verification is not None and tight.verification.axes[0].tracking_error <= 0.9 * error
+    assert tight.verification is not None and tight.verification.axes[0].tracking_error <= 0.95 * error
     passed = [text for text in tight.warnings if text.startswith("passed over in simulation: shoulder: ")]
     assert any(first.axis("shoulder").chosen.id in text and "tracking error" in text for text in passed)
     document = json.loads(tight.to_json(tmp_path / "selection.json").read_text())

@@ -30,7 +30,7 @@ from bellcrank.actuators.copper import resistance_factor
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
-from bellcrank.elements.drives import Drive
+from bellcrank.elements.drives import Drive, RotorFriction
 from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
@@ -122,7 +122,7 @@ def refuse_nonlinear(scene: Scene) -> None:
         if joint.nv != 1 or joint.nq != 1:
             raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
     smooth = (*scene.drives, *scene.dry_friction)
-    if any(part.switches for part in scene.elements if part not in smooth):
+    if any(part.switches for part in scene.elements if part not in smooth and not isinstance(part, RotorFriction)):
         raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")
     rubbing = [part for part in scene.dry_friction if not isinstance(part, JointDryFriction)]
     if odd := [part for part in rubbing if not isinstance(part, PinFriction) or part.viscous]:
