@@ -653,3 +653,43 @@ def test_what_needs_smooth_equations_refuses_a_drive_in_words(tmp_path: Path) ->
     fast = bc.load_scene("manutec_axis")
     with pytest.raises(bc.InputError, match="states of drives"):
         bc.simulate(fast, duration=0.1, sensitivities=["initial.axis"])
+
+
+# ---- hysteresis
+
+HYSTERESIS = {"torque": 2.5, "stiffness": 8_000.0}
+
+
+def test_the_twist_of_a_gear_with_hysteresis_follows_dahls_loop_between_its_reversals(tmp_path: Path) -> None:
+    # h = s h0 + (h_a - s h0) exp(-k |δ - δ_a| / h0) from a state a on, while the twist goes in the direction s
+    drive = {"elastic": {"stiffness": C, "damping": D, "hysteresis": HYSTERESIS}, "servo": {"torque": "0.4*sin(9*t)"}}
+    run = bc.simulate(scene(tmp_path, drive, simulate={"duration": 1.5, "samples": 3001}))
+    angle, speed, held = run.auxiliary[:, :3].T
+    twist, rate = angle / N - run.position[:, 0], speed / N - run.velocity[:, 0]
+    most, slope = HYSTERESIS["torque"], HYSTERESIS["stiffness"]
+    turns = np.flatnonzero(np.diff(np.sign(rate)) != 0)
+    checked = 0
+    for first, last in zip(turns[:-1] + 1, turns[1:], strict=True):
+        if last - first < 3:
+            continue
+        way = np.sign(rate[first])
+        known = way * most + (held[first] - way * most) * np.exp(
+            -slope * np.abs(twist[first:last] - twist[first]) / most
+        )
+        assert np.abs(held[first:last] - known).max() < 1e-7 * most
+        checked += 1
+    assert checked > 3
+    assert np.abs(held).max() > 0.5 * most
+    assert run.energy_drift() < 1e-9
+    force = C * twist + D * rate + held
+    assert column(run, "gear output [N m]") == pytest.approx(force, abs=1e-9)
+
+
+def test_hysteresis_is_a_spring_for_margins_and_refuses_backlash_in_one_sentence(tmp_path: Path) -> None:
+    drive = {"elastic": {"stiffness": C, "damping": 0, "hysteresis": HYSTERESIS}, "servo": {"torque": 0}}
+    (found,) = bc.linearise(bc.load_scene(scene(tmp_path, drive))).drives
+    lower = math.sqrt((C + HYSTERESIS["stiffness"]) / LOAD)
+    assert found.antiresonances == pytest.approx([lower], rel=1e-9)
+    loose = {"stiffness": C, "damping": 0, "backlash": 0.01, "hysteresis": HYSTERESIS}
+    with pytest.raises(bc.InputError, match=r"elastic\.hysteresis .*a gear with backlash has no hysteresis"):
+        bc.load_scene(scene(tmp_path, drive | {"elastic": loose}))

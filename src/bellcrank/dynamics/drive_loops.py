@@ -152,7 +152,9 @@ def smooth_scene(scene: Scene) -> Scene:
 def _without_losses(drive: Drive) -> Drive:
     loss = {**drive.loss, "coulomb": 0.0, "static": 0.0}
     closed = {"efficiency": 1.0, "back_efficiency": 1.0, "backlash": 0.0}
-    gear = {key: closed.get(key, value) for key, value in drive.gear.items()}
+    gear = {key: closed.get(key, value) for key, value in drive.gear.items() if not key.startswith("hysteresis")}
+    if drive.has_hysteresis:  # about a posture it is a spring
+        gear["stiffness"] += drive.gear["hysteresis_stiffness"]
     servo = None if drive.servo is None else replace(drive.servo, motion=None, target=0.0)
     circuit = drive.circuit
     if drive.heat:  # at the temperature of the start

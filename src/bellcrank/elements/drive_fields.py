@@ -175,13 +175,14 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
         assert gear.driven_efficiency is not None
         return {"ratio": ratio, "efficiency": gear.efficiency, "back_efficiency": gear.driven_efficiency}
     elastic = entry.mapping("elastic")
-    elastic.only(("stiffness", "damping", "backlash"))
+    elastic.only(("stiffness", "damping", "backlash", "hysteresis"))
     if "stiffness" in elastic or gear.stiffness is None:
         stiffness = number(elastic, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
     else:
         stiffness = gear.stiffness
     damping = number(elastic, "damping", joint_unit(joint, "damping"), bound=NONNEGATIVE)
     backlash = number(elastic, "backlash", joint_unit(joint, "position"), gear.backlash or 0.0, NONNEGATIVE)
+    hysteresis = _hysteresis(elastic, joint, backlash) if "hysteresis" in elastic else {}
     elastic.done()
     missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia),
                                       ("gear.efficiency", gear.efficiency)) if value is None]  # fmt: skip
@@ -195,7 +196,20 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
         )
     assert back is not None
     return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping, "backlash": backlash,
-            "efficiency": gear.efficiency, "back_efficiency": back}  # fmt: skip
+            "efficiency": gear.efficiency, "back_efficiency": back, **hysteresis}  # fmt: skip
+
+
+def _hysteresis(elastic: Fields, joint: RobotJoint, backlash: float) -> dict[str, float]:
+    if backlash:
+        raise elastic.error("hysteresis", "a gear with backlash has no hysteresis here; write backlash: 0 or remove it")
+    read = elastic.mapping("hysteresis")
+    read.only(("torque", "stiffness"))
+    found = {
+        f"hysteresis_{key}": number(read, key, joint_unit(joint, key), bound=POSITIVE)
+        for key in ("torque", "stiffness")
+    }
+    read.done()
+    return found
 
 
 def _friction_numbers(entry: Fields, motor: Motor) -> tuple[dict[str, float], str]:

@@ -5,6 +5,7 @@ An entry of `actuators` with a `model` is a drive. Its figures are those of the 
 
     δ = φ/N − q,    F = c δ + d δ̇      with `elastic`: F acts on the joint, and J ω̇ = T − F/N − friction
     |δ| < b/2:      F = 0               with backlash b; beyond it c (|δ| − b/2) + d δ̇ sign δ pushes, and never pulls
+    F + h,  ḣ = k (δ̇ − |δ̇| h/h₀)        with hysteresis: a force h of at most h₀ that a reversal turns round
     φ = N q                             without it: N T acts on the joint, and the rotor's inertia is the joint's
 
 `model: torque` is a motor whose torque is that of the command within the limits of the judge (short_time_limits.py):
@@ -22,6 +23,7 @@ Where the voltage does not suffice its servo weakens the field (servos.py). Sour
 Regelung von Antriebssystemen (2015), ch. 16. With `temperatures` those of winding and housing are states, and R follows
 the winding (thermal.py). With a `supply` the bus voltage is a state (supply.py).
 
+The hysteresis is Dahl's model (P. R. Dahl, AIAA J. 14, 1976, 1675-1682): h goes to ±h₀ within a twist of about h₀/k.
 The kinetic energy of a rotor is that of its spin, as with `rotor_inertia` (M. W. Spong, Modeling and control of elastic
 joint robots, J. Dyn. Sys. Meas. Control 109, 1987).
 Losses of a gear that depend on its load are friction at the rotor: with the load torque P = F/N, |P| (1/η − 1) where
@@ -77,7 +79,8 @@ class Drive(Controller):
     Attributes:
         model: "torque", "dc" or "dq".
         gear: Its ratio; efficiency and back_efficiency, which a rigid gear may not state; with an elastic gear also the
-            inertia J at the rotor, stiffness c, damping d and backlash b.
+            inertia J at the rotor, stiffness c, damping d and backlash b, and hysteresis_torque h₀ with
+            hysteresis_stiffness k where it has hysteresis.
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
         circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage; of
@@ -156,6 +159,11 @@ class Drive(Controller):
         """The command, and the two sides of a backlash."""
         command = () if self.command is None else (self.command,)
         return command if not self.has_backlash else (*command, *self._pushes)
+
+    @property
+    def has_hysteresis(self) -> bool:
+        """Whether the torque of the gear depends on the way its twist came."""
+        return "hysteresis_torque" in self.gear
 
     @property
     def loses_by_load(self) -> bool:
@@ -246,10 +254,16 @@ class Drive(Controller):
     def auxiliary(self) -> AuxiliaryStates | None:
         """Rotor, current and the integrators of the servo."""
         labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
+        labels += [f"hysteresis force [{joint_unit(self.joint, 'torque')}]"] if self.has_hysteresis else []
         labels += {"dc": ["current [A]"], "dq": ["q current [A]", "d current [A]"]}.get(self.model, [])
         labels += list(TEMPERATURES) if self.heat else []
         labels += [] if self.servo is None else self.servo.states
         return AuxiliaryStates(self.name, tuple(labels)) if labels else None
+
+    @property
+    def _mechanical(self) -> int:
+        """How many of its states are those of rotor and gear."""
+        return 2 * self.is_elastic + self.has_hysteresis
 
     def _states(self, symbols: Symbols) -> list[casadi.SX]:
         import casadi
@@ -274,7 +288,23 @@ class Drive(Controller):
         if self.has_backlash:
             return self._force_with_backlash(symbols, rate)
         stiffness, damping = self.value(symbols, "gear.stiffness"), self.value(symbols, "gear.damping")
-        return stiffness * twist + damping * rate, 0.5 * stiffness * twist * twist, damping * rate * rate
+        force, potential, lost = (
+            stiffness * twist + damping * rate,
+            0.5 * stiffness * twist * twist,
+            damping * rate * rate,
+        )
+        if not self.has_hysteresis:
+            return force, potential, lost
+        held, slip = self._hysteresis(symbols)
+        return force + held, potential + 0.5 * held * held / self.gear["hysteresis_stiffness"], lost + held * slip
+
+    def _hysteresis(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX]:
+        """The force h (N m or N), and the part of the twist's rate (rad/s or m/s) that is lost, |δ̇| h/h₀."""
+        import casadi
+
+        (_, speed), (_, velocity, _) = self.rotor(symbols), symbols.joint(self.joint)
+        held = self._states(symbols)[2]
+        return held, casadi.fabs(speed / self.gear["ratio"] - velocity) * held / self.gear["hysteresis_torque"]
 
     def _force_with_backlash(self, symbols: Symbols, rate: casadi.SX) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
         sides, stiffness = symbols.sides(self), self.value(symbols, "gear.stiffness")
@@ -318,7 +348,7 @@ class Drive(Controller):
 
     def currents(self, symbols: Symbols) -> list[casadi.SX]:
         """The current of a dc model, or of q and d, A."""
-        first = 2 * self.is_elastic
+        first = self._mechanical
         return self._states(symbols)[first : first + (2 if self.model == "dq" else 1)]
 
     def current(self, symbols: Symbols) -> casadi.SX:
@@ -327,7 +357,7 @@ class Drive(Controller):
 
     def temperatures(self, symbols: Symbols) -> list[casadi.SX]:
         """Of winding and housing, °C."""
-        first = 2 * self.is_elastic + len(self.currents(symbols))
+        first = self._mechanical + len(self.currents(symbols))
         return self._states(symbols)[first : first + 2]
 
     def resistance(self, symbols: Symbols, temperature: float | None = None) -> casadi.SX | float:
@@ -463,6 +493,9 @@ class Drive(Controller):
                 speed,
                 (self.torque(symbols) - load + self._friction_torque(symbols)) / self.value(symbols, "gear.inertia"),
             ]
+        if self.has_hysteresis:
+            rate = speed / self.gear["ratio"] - symbols.joint(self.joint).velocity
+            rates.append(self.gear["hysteresis_stiffness"] * (rate - self._hysteresis(symbols)[1]))
         if self.model != "torque":
             resistance, inductance = self.resistance(symbols), self.value(symbols, "circuit.inductance")
             voltages, currents = self.voltages(symbols), self.currents(symbols)
@@ -504,6 +537,7 @@ class Drive(Controller):
         if self.is_elastic:
             gap = 0.5 * self.gear["backlash"] * casadi.sign(load)
             found += [ratio * (position + load / self.value(symbols, "gear.stiffness") + gap), speed]
+            found += [symbols.zero] if self.has_hysteresis else []
         if self.model != "torque":
             found.append(torque / self.value(symbols, "circuit.torque_constant"))
             found += [symbols.zero] if self.model == "dq" else []
