@@ -55,7 +55,7 @@ class StuckJoints:
         least: The least and `most` the largest force at rest (m), N m or N.
         sliding: The force of the others (m); 0 for those that hold, and of stops.
         lasting: Functions (m) of x that are positive while the modes last.
-        ends: Lower and upper end and restitution (m, 3); 0 for dry friction.
+        ends: Lower and upper end and restitution (m, 3); of dry friction `beyond`.
     """
 
     rows: tuple[int, ...]
@@ -268,7 +268,7 @@ def _friction(part: DryFriction, mode: Sequence[casadi.SX], s: Symbols) -> _Part
 
     gain, gained = part.gain(s), part.gained(s)
     slides = part.sliding(s, direction) * gain
-    return _Part(least - gained, most - gained, slides, lasts, casadi.SX.zeros(1, 3))
+    return _Part(least - gained, most - gained, slides, lasts, part.beyond(s))
 
 
 def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:

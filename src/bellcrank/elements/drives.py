@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from bellcrank.actuators.copper import COPPER, REFERENCE
 from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.controller import Controller
-from bellcrank.elements.dry_friction import JointDryFriction
+from bellcrank.elements.dry_friction import DryFriction, JointDryFriction
 from bellcrank.elements.element import (  # fmt: skip
     NONNEGATIVE,
     POSITIVE,
@@ -683,6 +683,25 @@ class RotorFriction(JointDryFriction):
 
     def _motor_force(self, symbols: Symbols) -> casadi.SX:
         return self._scale * self.drive.torque(symbols)
+
+    def beyond(self, symbols: Symbols) -> casadi.SX:
+        """c, p and r (1, 3), with which the force falls while the load drives the motor: min(0, p − c a) forwards.
+
+        r is that of max(0, r − c a) backwards. They follow from F = e (T_m − D a) less what it is with e = η, D being
+        the rotor's inertia at the joint.
+        """
+        import casadi
+
+        if not self.has_load_side:
+            return super().beyond(symbols)
+        driving, driven = self.drive.loss_shares
+        excess = 1.0 / (1.0 - driven) - 1.0 / (1.0 + driving)
+        moving = self._motor_force(symbols) - self._scale * self.drive.value(symbols, "loss.viscous") * (
+            self._scale * symbols.joint(self.joint).velocity
+        )
+        loads = [moving + DryFriction.sliding(self, symbols, casadi.SX(way)) for way in (1.0, -1.0)]
+        rotor = float(symbols.robot.rotor_inertia[self.joint.v])
+        return casadi.horzcat(casadi.SX(excess * rotor), *[excess * load for load in loads])
 
     def gained(self, symbols: Symbols) -> casadi.SX | float:
         """The force (N m or N) that `gain` adds to that of the motor."""

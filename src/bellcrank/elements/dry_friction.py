@@ -175,6 +175,12 @@ class DryFriction(Force):
         """The force (N m or N) that such a gear adds to that of the motor while the joint moves."""
         return 0.0
 
+    def beyond(self, symbols: Symbols) -> casadi.SX:
+        """How the force of such a gear depends on the acceleration beyond its limits (1, 3); 0 for others."""
+        import casadi
+
+        return casadi.SX.zeros(1, 3)
+
     def direction(self, symbols: Symbols) -> casadi.SX:
         """The direction of motion, as held by a run; elsewhere the sign of the velocity."""
         import casadi

@@ -48,6 +48,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         switch_count=count,
         switches=make_ready(((system.switches, "scalar"),))[0] if count or rows else 0,
         mode_kinds=[_mode_kind(part) for part in modes],
+        mode_sides=_sides_of_gears(scene),
         mode_ends=[int(isinstance(part, JointStop | JointDryFriction) and part.ends_run) for part in modes],
         mode_rows=rows,
         mode_places=[part.joint.q if isinstance(part, JointStop) else 0 for part in modes],
@@ -62,6 +63,16 @@ def _mode_kind(part: DryFriction | JointStop | RestingJoint) -> int:
     if isinstance(part, RotorFriction) and part.has_load_side:
         return 4
     return 3 if isinstance(part, RestingJoint) else 1 + part.latch if isinstance(part, JointStop) else 0
+
+
+def _sides_of_gears(scene: Scene) -> list[int]:
+    """Which of the switches is the side of a gear with losses by load, by part with modes; −1 for others."""
+    before, found = 0, list[int]()
+    for part in scene.elements:
+        if isinstance(part, DryFriction | JointStop | RestingJoint):  # as `Scene.parts_with_modes`
+            found.append(before if _mode_kind(part) == 4 else -1)
+        before += len(part.switches)
+    return found
 
 
 def mode_rows(scene: Scene) -> list[int]:

@@ -128,6 +128,7 @@ class HeldEntries:
             modes last; 0 where there are none.
         mode_kinds: 0 for dry friction, 1 for a stop, 2 for one that latches, 3 for a joint without forces in a
             linkage, 4 for dry friction of a gear with losses by load.
+        mode_sides: Which of the switches is the side of such a gear; −1 for others.
         mode_ends: 1 where a contact, or friction that brings a joint to rest, ends the run, else 0.
         mode_rows: The entries of x that are the velocities of the joints with modes, and `mode_places` their positions.
         work_row: The entry of x that is the work, which impacts change; −1: there is none.
@@ -141,6 +142,7 @@ class HeldEntries:
     switch_count: int = 0
     switches: int = 0
     mode_kinds: Sequence[int] = ()
+    mode_sides: Sequence[int] = ()
     mode_ends: Sequence[int] = ()
     mode_rows: Sequence[int] = ()
     mode_places: Sequence[int] = ()

@@ -5,6 +5,10 @@
 // index, which end for positive definite A: J. J. Júdice & F. M. Pires, Comput. Oper. Res. 21 (1994) 587-596; K. G. Murty,
 // Linear Complementarity (1988), ch. 6. If rounding keeps them from ending, relaxation goes on from there.
 //
+// The force of a gear with losses by load depends on the acceleration beyond its limits (gear_losses.py): forwards it is
+// base + min(0, p − c a), backwards base + max(0, r − c a), with p, c, r >= 0 or of either sign. It falls as a rises, so
+// that the forces are unique; where p − c a < 0 (r − c a > 0) the load drives the motor.
+//
 // In closed linkages a joint may be held by others. The accelerations are unique then and the forces are not: those of the
 // joints of largest index are 0 while the others bear the load.
 #pragma once
@@ -22,27 +26,34 @@ class BoundedForces {
 
   explicit BoundedForces(int most)
       : force(most), acceleration(most), matrix(static_cast<std::size_t>(most) * most), right(most), low(most), high(most),
-        side_(most), inside_(most), free_(most), factor_(static_cast<std::size_t>(most) * most), x_(most) {}
+        compliance(most), forward(most), backward(most), side_(most), inside_(most), free_(most), driven_(most),
+        factor_(static_cast<std::size_t>(most) * most), x_(most) {}
 
   Buffer force, acceleration;  // the solution (n)
   Buffer matrix, right, low, high;  // A (n, n), b and the bounds (n), of which one may be infinite
 
+  Buffer compliance, forward, backward;  // c, p and r (n), which `solve_gears` reads
+
   // Solves for `force` and `acceleration`.
   void solve(int n) {
+    gears_ = false;
     for (int i = 0; i < n; ++i) side_[i] = low[i] == high[i];  // of a force that is given
-    for (int pivots = 0; pivots < 50 * (n + 1); ++pivots) {
-      equilibrium(n);
-      const int wrong = first_wrong(n);
-      if (wrong < 0) return to_limits(n);
-      side_[wrong] = side_[wrong] ? 0 : force[wrong] > high[wrong] ? 1 : -1;
+    pivot(n);
+  }
+  // The same with gears; `ways[i]`, where not 0, is the direction in which joint i moves already.
+  void solve_gears(int n, const int* ways) {
+    gears_ = true;
+    for (int i = 0; i < n; ++i) {
+      take_side(i, ways[i] ? -ways[i] : low[i] == high[i]);
     }
-    relax(n);
+    pivot(n);
   }
 
   // Whether joint i accelerates, by more than rounding explains.
   bool moves(int i, int n) const { return std::fabs(acceleration[i]) > rounding(i, n); }
   bool at_limit(int i) const { return side_[i] != 0; }
   bool at_most(int i) const { return side_[i] > 0; }  // its upper limit
+  bool driven(int i) const { return driven_[i] != 0; }  // whether the load drives the motor, of gears that move
   // Whether the force of joint i, below its limit, keeps it at rest; otherwise others do.
   bool holds(int i) const { return free_[i] > 0; }
   // Whether joint i could move, by more than a share of its own response, while the joints that hold do not.
@@ -60,10 +71,51 @@ class BoundedForces {
 
  private:
   Array<int> side_, inside_, free_;  // 1 and -1: at a bound of the force; which hold, as a list and as marks
+  Array<int> driven_;
+  bool gears_ = false;
   int kept_ = 0;
   Buffer factor_, x_;
 
   double a(int i, int j, int n) const { return matrix[i * n + j]; }
+
+  void pivot(int n) {
+    for (int pivots = 0; pivots < 50 * (n + 1); ++pivots) {
+      equilibrium(n);
+      const int wrong = first_wrong(n);
+      if (wrong < 0) return to_limits(n);
+      if (wrong_gear(wrong)) {
+        driven_[wrong] = !driven_[wrong];
+        continue;
+      }
+      take_side(wrong, side_[wrong] ? 0 : force[wrong] > high[wrong] ? 1 : -1);
+    }
+    relax(n);
+  }
+
+  void take_side(int i, int side) {
+    side_[i] = side;
+    driven_[i] = gears_ && side && (side < 0 ? forward[i] < 0 : backward[i] > 0);
+  }
+
+  // Of a gear at a limit: how far the motor drives the load; and whether that is not the side that is taken.
+  double drives(int i, double a) const {
+    return side_[i] < 0 ? forward[i] - compliance[i] * a : compliance[i] * a - backward[i];
+  }
+  bool wrong_gear(int i) const {
+    if (!gears_ || !side_[i]) return false;
+    const double size = std::fabs(side_[i] < 0 ? forward[i] : backward[i]) + std::fabs(compliance[i] * acceleration[i]);
+    const double left = drives(i, acceleration[i]);
+    return driven_[i] ? left > small * size : left < -small * size;
+  }
+  // Whether the force at a limit depends on the acceleration; and the force there, or that without acceleration.
+  bool yields(int i) const { return gears_ && side_[i] && driven_[i] && compliance[i] > 0; }
+  double at_side(int i) const {
+    const double bound = side_[i] > 0 ? high[i] : low[i];
+    if (!gears_) return bound;
+    const double more = side_[i] > 0 ? backward[i] : forward[i];
+    const double base = bound - (side_[i] > 0 ? (more > 0 ? more : 0) : (more < 0 ? more : 0));
+    return driven_[i] ? base + more : base;
+  }
 
   double rounding(int i, int n) const {
     double size = std::fabs(right[i]);
@@ -73,14 +125,15 @@ class BoundedForces {
 
   // Forces inside their bounds that give no acceleration, the others being at theirs.
   void equilibrium(int n) {
-    for (int i = 0; i < n; ++i) force[i] = side_[i] > 0 ? high[i] : side_[i] < 0 ? low[i] : 0, free_[i] = 0;
+    for (int i = 0; i < n; ++i) force[i] = side_[i] && !yields(i) ? at_side(i) : 0, free_[i] = 0;
     kept_ = 0;
     for (int i = 0; i < n; ++i) {  // Cholesky, without the joints that those before them hold
-      if (side_[i]) continue;
+      if (side_[i] && !yields(i)) continue;
       const int k = kept_;
       double sum = -right[i], pivot = a(i, i, n);
+      if (yields(i)) sum += at_side(i) / compliance[i], pivot += 1 / compliance[i];
       for (int j = 0; j < n; ++j)
-        if (side_[j]) sum -= a(i, j, n) * force[j];
+        if (side_[j] && !yields(j)) sum -= a(i, j, n) * force[j];
       for (int l = 0; l < k; ++l) {
         double value = a(i, inside_[l], n);
         for (int m = 0; m < l; ++m) value -= factor_[k * n + m] * factor_[l * n + m];
@@ -107,7 +160,8 @@ class BoundedForces {
   void to_limits(int n) {
     bool changed = false;
     for (int i = 0; i < n; ++i)
-      if (!side_[i] && reaches(i, n)) side_[i] = std::fabs(force[i] - high[i]) < std::fabs(force[i] - low[i]) ? 1 : -1, changed = true;
+      if (!side_[i] && reaches(i, n))
+        take_side(i, std::fabs(force[i] - high[i]) < std::fabs(force[i] - low[i]) ? 1 : -1), changed = true;
     if (changed) equilibrium(n);
   }
 
@@ -121,8 +175,8 @@ class BoundedForces {
 
   int first_wrong(int n) const {
     for (int i = 0; i < n; ++i)
-      if (low[i] != high[i] && (side_[i] ? side_[i] * acceleration[i] > rounding(i, n)
-                   : force[i] > high[i] + small * std::fabs(high[i]) || force[i] < low[i] - small * std::fabs(low[i])))
+      if (wrong_gear(i) || (low[i] != high[i] && (side_[i] ? side_[i] * acceleration[i] > rounding(i, n)
+                   : force[i] > high[i] + small * std::fabs(high[i]) || force[i] < low[i] - small * std::fabs(low[i]))))
         return i;
     return -1;
   }
@@ -141,10 +195,18 @@ class BoundedForces {
       for (int i = 0; i < n; ++i) {
         double sum = right[i];
         for (int j = 0; j < n; ++j) sum += a(i, j, n) * force[j];
-        const double next = force[i] - sum / (a(i, i, n) + 1e-300);
-        force[i] = next > high[i] ? high[i] : next < low[i] ? low[i] : next;
+        const double rest = sum - a(i, i, n) * force[i], next = -rest / (a(i, i, n) + 1e-300);
+        if (low[i] != high[i]) side_[i] = next >= high[i] ? 1 : next <= low[i] ? -1 : 0;
+        if (!side_[i]) {
+          force[i] = next;
+          continue;
+        }
+        if (gears_) driven_[i] = 0;
+        force[i] = at_side(i);
+        if (gears_ && drives(i, rest + a(i, i, n) * force[i]) < 0)
+          driven_[i] = 1, force[i] = (at_side(i) - compliance[i] * rest) / (1 + compliance[i] * a(i, i, n));
       }
-    for (int i = 0; i < n; ++i) side_[i] = force[i] >= high[i] ? 1 : force[i] <= low[i] ? -1 : 0, free_[i] = !side_[i];
+    for (int i = 0; i < n; ++i) free_[i] = !side_[i];
     accelerate(n);
   }
 };

@@ -18,11 +18,13 @@ class Held {
   Held(Rhs& rhs, LastStep& last, Record& record)
       : rhs_(rhs), p_(rhs.problem), h_(p_.held), record_(record), view_(functions(p_)), changes_(rhs, last, view_),
         count_(h_.switch_count + h_.mode_count), terminal_(count_), direction_(count_), turned_(count_), quick_(count_),
-        before_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
+        before_(count_), load_side_(count_), old_(p_.n + 16), turn_time_(count_), done_(h_.update_count), modes_(h_.mode_count),
         found_(h_.mode_count * (h_.response_rows + h_.mode_count + 9)), fastest_(h_.mode_count), resting_(h_.mode_count), closed_(h_.mode_count),
-        struck_(h_.mode_count), met_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
+        struck_(h_.mode_count), met_(h_.mode_count), ways_(h_.mode_count), state_(p_.n + 16), after_(h_.mode_count) {
     for (int e = 0; e < count_; ++e) terminal_[e] = true, turn_time_[e] = -INFINITY;
     view_.terminal = terminal_, view_.direction = direction_;
+    for (int j = 0; j < h_.mode_count; ++j)
+      if (has_load_side(j)) load_side_[h_.mode_sides[j]] = true, gears_ = true;
   }
 
   bool exist() const { return h_.count > 0; }
@@ -144,7 +146,9 @@ class Held {
   bool begun_ = false, failed_ = false, rested_ = false;
   BoundedForces modes_;
   Buffer found_, fastest_;  // what the kernel found; the largest speed of each joint since it was at rest
-  Array<int> resting_, closed_, struck_, met_;
+  Array<int> resting_, closed_, struck_, met_, ways_;
+  Array<bool> load_side_;  // which of the switches are sides of gears with losses by load
+  bool gears_ = false;     // whether there are any
   int balanced_ = 0;  // of resting_
   Buffer state_, after_;  // after_: velocities of joints after an impact
 
@@ -197,7 +201,7 @@ class Held {
       if (!changes_.begin(t, x)) return false;
       for (int e = 0; e < count_ && !again; ++e)
         if (changes_.value(e) * side(e) < 0 && !turned_[e]) {
-          if (!over(e, t, x)) return false;
+          if (load_side_[e] ? (turned_[e] = 1, !find_modes(-1, t, x)) : !over(e, t, x)) return false;
           again = changed = true;
         }
     }
@@ -284,14 +288,30 @@ class Held {
       for (int j = 0; j < n; ++j)
         if (!is_stop(j) && !is_forceless(j) && f.velocity[j] != 0) mode(j) = {1.0 * sign(f.velocity[j]), 1, 0, 0};
     }
+    if (!take_gears(t, cause, hits, f)) return false;
     balance(cause, gives_way, hits, f);
     if (rebounds(t, f)) {
-      if (!evaluate(t, state_, f)) return false;
+      if (!evaluate(t, state_, f) || !take_gears(t, cause, hits, f)) return false;
       balance(cause, gives_way, hits, f);
       rebounds(t, f);
     }
     rested_ = true;
     return still_pins(t);
+  }
+
+  bool rests(int j, int cause, bool hits, const Turn& f) {
+    return !mode(j).moves || (j == cause && !hits) || std::fabs(f.velocity[j]) <= same_instant * fastest_[j];
+  }
+
+  // What `balance` needs where there are gears with losses by load: what they would do if all motors drove their loads.
+  bool take_gears(double t, int cause, bool hits, Turn& f) {
+    if (!gears_) return true;
+    for (int j = 0; j < h_.mode_count; ++j) {
+      if (!has_load_side(j)) continue;
+      rhs_.held()[h_.mode_sides[j]] = 1;
+      if (rests(j, cause, hits, f)) mode(j) = {mode(j).direction != 0 ? mode(j).direction : 1, 1, 0, 0}, fastest_[j] = INFINITY;
+    }
+    return evaluate(t, state_, f);
   }
 
   // An impact passes gears with losses by load as if these were at rest, without losses.
@@ -343,7 +363,7 @@ class Held {
         mode(j) = {1.0 * sign(f.velocity[j]), 1, 0, 0}, turned_[h_.switch_count + j] = 1;  // one that is engaged
         continue;
       }
-      const bool rests = !mode(j).moves || (j == cause && !hits) || std::fabs(f.velocity[j]) <= same_instant * fastest_[j];
+      const bool rests = this->rests(j, cause, hits, f);
       if (!is_stop(j) && rests && determined(f, j)) {
         const bool starts = mode(j).moves && mode(j).direction == 0;  // it had neither velocity nor acceleration before
         const int direction = sign(f.velocity[j] != 0 && (starts || j != cause) ? f.velocity[j] : f.free[j]);
@@ -368,21 +388,24 @@ class Held {
       modes_.right[k] = value;
       set_bounds(k, j, f, true);
     }
-    modes_.solve(count);
+    int all = count;
+    if (gears_) all = solve_gears(count, f);
+    else modes_.solve(count);
     for (int k = 0; k < count; ++k) {
       const int j = resting_[k];
+      if (has_load_side(j) && modes_.at_limit(k)) rhs_.held()[h_.mode_sides[j]] = modes_.driven(k) ? -1 : 1;
       const double direction = modes_.at_most(k) ? -1 : 1;
       Mode& m = mode(j);
       if (!is_stop(j) && f.low[j] == 0 && f.high[j] == 0) {
-        if (modes_.can_move(k, count, follows_exactly)) continue;
+        if (modes_.can_move(k, all, follows_exactly)) continue;
         m = {0, 0, 0, 0};
       } else if (is_stop(j)) {
         const bool holds = !modes_.at_limit(k) && modes_.holds(k);
         m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
       } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, slack(j)};
-      else if (!modes_.can_move(k, count)) m = {direction, 0, 0, 0};
-      else if (slack(j) > 0 && !modes_.moves(k, count)) m = {0, 0, 1, slack(j)};
-      else if (modes_.moves(k, count) ? modes_.acceleration[k] * direction > 0 : gives_way && !is_stop(cause))
+      else if (!modes_.can_move(k, all)) m = {direction, 0, 0, 0};
+      else if (slack(j) > 0 && !modes_.moves(k, all)) m = {0, 0, 1, slack(j)};
+      else if (modes_.moves(k, all) ? modes_.acceleration[k] * direction > 0 : gives_way && !is_stop(cause))
         m = {direction, 1, 0, 0};
       else m = {0, 0, 1, 0};  // also where the load is below the limit by a little more than rounding
       rest(j), fastest_[j] = 0;
@@ -394,6 +417,33 @@ class Held {
             h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0)
           mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
     balanced_ = count;
+  }
+
+  // The forces of the joints at rest, with those of gears of joints that move after them; the number of all.
+  int solve_gears(int count, const Turn& f) {
+    int all = count;
+    for (int j = 0; j < h_.mode_count; ++j) {
+      bool is_listed = !has_load_side(j) || mode(j).direction == 0;
+      for (int k = 0; k < count; ++k) is_listed |= resting_[k] == j;
+      if (!is_listed) resting_[all++] = j;
+    }
+    for (int k = 0; k < all; ++k) {
+      const int j = resting_[k];
+      const bool gear = has_load_side(j);
+      modes_.compliance[k] = gear ? f.place_low[j] : 0;
+      modes_.forward[k] = gear ? f.place_high[j] : 0;
+      modes_.backward[k] = gear ? f.restitution[j] : 0;
+      ways_[k] = k < count ? 0 : mode(j).direction > 0 ? 1 : -1;
+      if (k < count) continue;
+      modes_.low[k] = modes_.high[k] = ways_[k] > 0 ? smaller(0, modes_.forward[k]) : larger(0, modes_.backward[k]);
+      modes_.right[k] = f.free[j];
+      for (int l = 0; l < count; ++l) modes_.right[k] -= response(f, j, resting_[l]) * f.sliding[resting_[l]];
+    }
+    for (int k = 0; k < all; ++k)
+      for (int l = 0; l < all; ++l) modes_.matrix[k * all + l] = response(f, resting_[k], resting_[l]);
+    modes_.solve_gears(all, ways_);
+    for (int k = count; k < all; ++k) rhs_.held()[h_.mode_sides[resting_[k]]] = modes_.driven(k) ? -1 : 1;
+    return all;
   }
 
   // Of joints that leave their stops with a small speed: the time of their flight, so that its end is seen; those whose

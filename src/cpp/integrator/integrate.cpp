@@ -34,7 +34,7 @@ struct Reading : ProblemReading {
   Vector x0_, parameters_, times_, start_;
   std::vector<double> stops_;
   std::vector<Update> updates_;
-  std::vector<int> mode_rows_, mode_kinds_, mode_places_, mode_ends_;
+  std::vector<int> mode_rows_, mode_kinds_, mode_places_, mode_ends_, mode_sides_;
 
   void read_held(nb::handle held) {
     if (held.is_none()) return;
@@ -43,7 +43,8 @@ struct Reading : ProblemReading {
     plain.held.switch_count = get<int>(held, "switch_count");
     plain.held.switches = function<Kernel>(held, "switches");
     mode_kinds_ = get<std::vector<int>>(held, "mode_kinds"), mode_places_ = get<std::vector<int>>(held, "mode_places");
-    mode_ends_ = get<std::vector<int>>(held, "mode_ends");
+    mode_ends_ = get<std::vector<int>>(held, "mode_ends"), mode_sides_ = get<std::vector<int>>(held, "mode_sides");
+    plain.held.mode_sides = mode_sides_.data();
     plain.held.mode_kinds = mode_kinds_.data(), plain.held.mode_places = mode_places_.data();
     plain.held.mode_ends = mode_ends_.data();
     plain.held.work_row = get<int>(held, "work_row"), plain.held.response_rows = get<int>(held, "response_rows");
@@ -57,13 +58,16 @@ struct Reading : ProblemReading {
     require(plain.held.response_rows >= 0 && plain.nq + plain.held.response_rows <= plain.n,
             "integrate: forces of modes accelerate entries of x");
     require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
-                mode_ends_.size() == mode_rows_.size() &&
+                mode_ends_.size() == mode_rows_.size() && mode_sides_.size() == mode_rows_.size() &&
                 plain.held.work_row < plain.n,
             "integrate: a kind and a position for each mode");
     for (std::size_t j = 0; j < mode_rows_.size(); ++j)
       require((mode_rows_[j] >= plain.nq && mode_rows_[j] < plain.nq + plain.held.response_rows) ||
                   (mode_rows_[j] == -1 && mode_kinds_[j] == 0),
               "integrate: modes are of velocities in x");
+    for (std::size_t j = 0; j < mode_rows_.size(); ++j)
+      require(mode_kinds_[j] == 4 ? mode_sides_[j] >= 0 && mode_sides_[j] < plain.held.switch_count : mode_sides_[j] == -1,
+              "integrate: the side of a gear is a switch");
     for (const int place : mode_places_) require(place >= 0 && place < plain.nq, "integrate: stops are of positions in x");
     for (auto [kernel, first, period] :
          get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {

@@ -55,6 +55,7 @@ struct HeldEntries {
   // 0 dry friction, 1 a stop, 2 one that latches, 3 a joint without forces in a linkage, 4 dry friction of a gear with losses
   // by load
   const int* mode_kinds;
+  const int* mode_sides;    // which of the switches is the side of a gear with losses by load, or -1
   const int* mode_ends;     // whether a contact, or friction that brings a joint to rest, ends the run; 0: none does
   const int *mode_rows, *mode_places;  // the entries of x that are their velocities (-1: none), and positions
   int work_row;             // the entry of x that is the work, which impacts change, or -1
