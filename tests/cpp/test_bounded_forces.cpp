@@ -183,6 +183,49 @@ TEST_CASE("forces of joints that hold each other obey the law, and only as many 
   }
 }
 
+TEST_CASE("gears lose by their load as the sides say on which the accelerations are, of joints at rest and of moving ones") {
+  Random random(11);
+  for (int k = 0; k < 5000; ++k) {
+    const int n = 1 + k % 6;
+    BoundedForces m(n);
+    set(m, n, n + 1, random);
+    std::vector<int> ways(n);
+    Numbers rubs(n);
+    for (int i = 0; i < n; ++i) {
+      const double load = random.between(-4, 4);
+      rubs[i] = k % 3 ? random.between(0, 1) : 0;
+      m.compliance[i] = i % 4 == 3 ? 0 : random.between(0, 2);
+      m.forward[i] = load - rubs[i], m.backward[i] = load + rubs[i];
+      ways[i] = random.between(-1, 1) > 0.4 ? (load > 0 ? 1 : -1) : 0;
+      if (ways[i]) {
+        m.low[i] = m.high[i] = ways[i] > 0 ? std::fmin(0, m.forward[i]) : std::fmax(0, m.backward[i]);
+      } else {
+        m.low[i] = -rubs[i] + std::fmin(0, m.forward[i]), m.high[i] = rubs[i] + std::fmax(0, m.backward[i]);
+      }
+    }
+    m.solve_gears(n, ways.data());
+    for (int i = 0; i < n; ++i) {
+      double a = m.right[i], size = std::fabs(a) + std::fabs(m.force[i]) + 1;
+      for (int j = 0; j < n; ++j) a += m.matrix[i * n + j] * m.force[j], size += std::fabs(m.matrix[i * n + j] * m.force[j]);
+      CHECK(std::fabs(a - m.acceleration[i]) <= 1e-12 * size);
+      const double rub = ways[i] ? 0 : rubs[i];
+      const double ahead = -rub + std::fmin(0, m.forward[i] - m.compliance[i] * a);
+      const double back = rub + std::fmax(0, m.backward[i] - m.compliance[i] * a);
+      const double near = 1e-8 * size * (1 + m.compliance[i]);
+      if (ways[i]) {
+        CHECK(std::fabs(m.force[i] - (ways[i] > 0 ? ahead : back)) <= near);
+      } else if (!m.at_limit(i)) {
+        CHECK(std::fabs(a) <= 1e-8 * size);
+        CHECK(m.force[i] >= m.low[i] - near);
+        CHECK(m.force[i] <= m.high[i] + near);
+      } else {
+        CHECK(std::fabs(m.force[i] - (m.at_most(i) ? back : ahead)) <= near);
+        CHECK((m.at_most(i) ? -a : a) >= -1e-8 * size);
+      }
+    }
+  }
+}
+
 TEST_CASE("a load at the limit of a joint alone can move it") {
   BoundedForces m(1);
   m.matrix[0] = 2, m.right[0] = -2 * 5.0, m.low[0] = -5.0, m.high[0] = 5.0;
