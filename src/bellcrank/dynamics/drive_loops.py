@@ -30,13 +30,14 @@ from bellcrank.actuators.copper import resistance_factor
 from bellcrank.dynamics.assembly import Assembly, assemble
 from bellcrank.dynamics.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.system import system_parameters
-from bellcrank.elements.drives import Drive, RotorFriction
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import JointDryFriction
 from bellcrank.elements.element import Force
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.joint_forces import Damper
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.pin_friction import PinFriction
+from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.supply import Supply
 from bellcrank.errors import InputError
 from bellcrank.scene.settings import Stabilisation

@@ -20,7 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bellcrank.elements.drives import Drive, RotorFriction
+from bellcrank.elements.drives import Drive
+from bellcrank.elements.rotor_friction import RotorFriction
 
 if TYPE_CHECKING:
     import casadi

@@ -30,7 +30,7 @@ from bellcrank.elements.controller import ControlContext, Controller
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.controllers import read_control
 from bellcrank.elements.drive_fields import read_drives
-from bellcrank.elements.drives import Drive, RotorFriction
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint, read_dry_friction
 from bellcrank.elements.element import Element, Force
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
@@ -45,6 +45,7 @@ from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.joint_stops import JointStop, read_joint_stops
 from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parameters
 from bellcrank.elements.pin_friction import read_pin_friction
+from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.sampled_controllers import StateSpace
 from bellcrank.elements.signals import Signal, SignalSource, signal_after, stops_after, values_at
 from bellcrank.elements.supply import Supply, read_supply

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.system import system_of
-from bellcrank.elements.drives import Drive, RotorFriction
+from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
 from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
 from bellcrank.elements.signals import Signal
 from bellcrank.simulation.integration_problem import HeldEntries
