@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import add_output_folder, add_trust, whole_option
 from bellcrank.commands.output_files import output_path, write_each, written
@@ -26,7 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=LOWER:UPPER",
         help="vary a parameter, or whatever else `bellcrank sweep` can vary, between two bounds, such as "
-        "crank_length='1.2 m:1.24 m'; may be repeated (default: the scene's entry optimise)",
+        "crank_length='1.2 m:1.24 m', or over standard sizes, such as crank_length='1.2 m:1.24 m step 5 mm' or "
+        "crank_length=1.2,1.22,1.24; may be repeated (default: the scene's entry optimise)",
     )  # fmt: skip
     parser.add_argument("--minimise", metavar="MEASURE", help="the measure to be made small, one of those of sweeps")
     parser.add_argument("--maximise", metavar="MEASURE", help="the measure to be made large, instead")
@@ -98,15 +99,28 @@ def run(arguments: argparse.Namespace) -> int:
     return _show(result, folder, arguments)
 
 
-def _bounds(text: str) -> tuple[str, list[object]]:
-    """Path and bounds of "path=lower:upper". Raises InputError."""
+def _bounds(text: str) -> tuple[str, Any]:
+    """Path and bounds of "path=lower:upper", or its sizes ("path=lower:upper step step", "path=size,size,…").
+
+    Raises InputError.
+    """
     from bellcrank.config.yaml_file import read_value
+    from bellcrank.scene.optimise_entry import STEPPED
 
     path, equals, given = text.partition("=")
-    parts = given.split(":")
-    if not equals or not path.strip() or len(parts) != 2:
-        raise InputError(f"--vary {text!r}: expected PATH=LOWER:UPPER, such as crank_length=1.2:1.24")
-    return path.strip(), [read_value(part, f"--vary {text!r}") for part in parts]
+    given, stepped, step = given.partition(" step ")
+    parts = [*given.split(":"), *([step] if stepped else [])]
+    sizes = given.split(",")
+    listed = len(parts) == 1 and len(sizes) > 1
+    if not equals or not path.strip() or not (listed or len(parts) == (3 if stepped else 2)):
+        raise InputError(
+            f"--vary {text!r}: expected PATH=LOWER:UPPER, PATH='LOWER:UPPER step STEP' or PATH=SIZE,SIZE,…, such as "
+            "crank_length=1.2:1.24"
+        )
+    values = [read_value(part, f"--vary {text!r}") for part in (sizes if listed else parts)]
+    if listed:
+        return path.strip(), {"sizes": values}
+    return path.strip(), dict(zip(STEPPED, values, strict=True)) if stepped else values
 
 
 def _show(result: Optimum, folder: Path, arguments: argparse.Namespace) -> int:

@@ -10,6 +10,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 
 MOST_DESIGNS, MOST_STARTS = 10**6, 1000
+STEPPED = ("lower", "upper", "step")
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class OptimiseEntry:
     """The search for a best design of the scene; what is None or empty is not said.
 
     Attributes:
-        vary: Bounds (lower, upper) by parameter or path, as written.
+        vary: Bounds (lower, upper), or standard sizes (`sizes_as_written`), by parameter or path, as written.
         minimise: The measure to be made small.
         maximise: The measure to be made large.
         limits: Conditions on measures, such as "lock.crank <= 120 deg".
@@ -39,12 +40,32 @@ class OptimiseEntry:
     place: Fields | None = field(default=None, compare=False, repr=False)
 
 
+def sizes_as_written(given: Mapping[str, Any]) -> list[Any]:
+    """The values of {"sizes": [0.3, 0.31, …]}, or lower, upper and step of {"lower": …, "upper": …, "step": …}.
+
+    Raises ValueError with what was expected.
+    """
+    if set(given) == set(STEPPED):
+        return [given[name] for name in STEPPED]
+    if set(given) == {"sizes"} and isinstance(given["sizes"], (list, tuple)):
+        return list(given["sizes"])
+    raise ValueError(
+        "expected standard sizes as {sizes: [0.3, 0.31]} or {lower: 0.3, upper: 0.4, step: 5 mm}, found "
+        f"{format_value(dict(given))}"
+    )
+
+
 def read_optimise(read: Fields) -> OptimiseEntry:
     """Read the mapping `optimise`. Raises InputError naming file and key."""
     vary = read.mapping("vary", {})
     bounds = {path: vary.raw(path) for path in vary}
     for path, pair in bounds.items():
-        if not isinstance(pair, list) or len(pair) != 2:
+        if isinstance(pair, dict):
+            try:
+                sizes_as_written(pair)
+            except ValueError as error:
+                raise vary.error(path, str(error)) from None
+        elif not isinstance(pair, list) or len(pair) != 2:
             raise vary.error(path, f"expected two bounds, such as [1.2, 1.3], found {format_value(pair)}")
     if "minimise" in read and "maximise" in read:
         raise read.error("maximise", "expected one of minimise and maximise, found both")

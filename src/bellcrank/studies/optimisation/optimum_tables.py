@@ -24,7 +24,8 @@ def rows_of(result: Optimum) -> list[tuple[str, str, float, float, str]]:
     before = [math.nan] * len(problem.variables) if point is None else problem.numbers(point[None])[0].tolist()
     for variable, own, (name, value) in zip(problem.variables, before, result.values.items(), strict=True):
         at = result.at_bounds.get(name, "")
-        remark = f"{variable.lower:g} to {variable.upper:g}{f', at the {at} bound' if at else ''}"
+        sizes = f"{len(variable.sizes)} sizes, " if variable.sizes else ""
+        remark = f"{sizes}{variable.lower:g} to {variable.upper:g}{f', at the {at} bound' if at else ''}"
         rows.append((name, variable.axis.unit, own, value, remark))
     rows.append(_row(result, 0, "minimised" if problem.sign > 0.0 else "maximised"))
     excess = problem.excess(result.found[None])[0]
@@ -56,8 +57,14 @@ def text_table(result: Optimum) -> str:
     for name, value in result.multipliers.items():
         change = f"{value:.4g} {result.problem.unit_of(0)}".rstrip()
         lines.append(f"per SI unit of '{name}', {problem.measure} changes by {change}")
-    count = f"{problem.count} designs were run, {result.samples} of them Sobol points (seed {result.seed})"
-    lines.append(f"{result.status}: residual {result.residual:.1e}; {count}")
+    count = f"{problem.count} designs were run"
+    count += f", {result.samples} of them Sobol points (seed {result.seed})" if result.samples else ""
+    residual = f"residual {result.residual:.1e}; " if len(problem.sizes) < len(problem.variables) else ""
+    lines.append(f"{result.status}: {residual}{count}")
+    if (sizes := result.combinations) is not None:
+        gap = f"{sizes.gap:.3g} {problem.unit_of(0)}".rstrip() if math.isfinite(sizes.gap) else "not known"
+        how = "" if sizes.proved else ", as far as local searches show"
+        lines.append(f"{sizes.tried} of {sizes.count} combinations of sizes were tried; gap to the best: {gap}{how}")
     for basin in result.basins:
         found = f"found by {basin.found} of {result.searches} local searches"
         lines.append(f"  {result.problem.measure_of(0, basin.objective)}: {found}")

@@ -6,6 +6,7 @@ whose run does not reach its target, is infeasible: its numbers are NaN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.cached_values import cached_property
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number
 from bellcrank.notes import Note
@@ -31,11 +33,15 @@ BLOCK = 4096  # designs of one call of the runner
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A number that is varied, with its bounds in the unit of its axis."""
+    """A number that is varied, with its bounds in the unit of its axis.
+
+    With `sizes`, which rise, it is one of them; the bounds are the smallest and the largest.
+    """
 
     axis: Axis
     lower: float
     upper: float
+    sizes: tuple[float, ...] = ()
 
     @property
     def width(self) -> float:
@@ -100,9 +106,13 @@ class DesignProblem:
         return sum(map(len, self.points))
 
     def numbers(self, points: Array) -> Array:
-        """Values (n, variables) in the units of the axes, of points from 0 to 1."""
+        """Values (n, variables) in the units of the axes, of points from 0 to 1; sizes are exactly those given."""
         lower, upper = (np.array([getattr(one, name) for one in self.variables]) for name in ("lower", "upper"))
-        return np.asarray(np.where(points == 1.0, upper, lower + points * (upper - lower)))
+        found = np.asarray(np.where(points == 1.0, upper, lower + points * (upper - lower)))
+        for k, sizes in self.sizes.items():
+            rows, places = np.nonzero(points[:, k, None] == sizes)
+            found[rows, k] = np.array(self.variables[k].sizes)[places]
+        return found
 
     def point(self, numbers: Sequence[float]) -> Array:
         """The point (variables,) of values in the units of the axes."""
@@ -127,6 +137,25 @@ class DesignProblem:
                 return None
             numbers.append(split[0])
         return self.point(numbers)
+
+    # ---- standard sizes
+
+    @cached_property
+    def sizes(self) -> dict[int, Array]:
+        """The sizes (n,) from 0 to 1 of each variable that has some, by its number."""
+        return {k: (np.array(one.sizes) - one.lower) / one.width for k, one in enumerate(self.variables) if one.sizes}
+
+    @property
+    def combinations(self) -> int:
+        """How many combinations of sizes there are; 1 where no variable has sizes."""
+        return math.prod(map(len, self.sizes.values()))
+
+    def at_sizes(self, points: Array) -> Array:
+        """Points (n, variables) with each variable that has sizes at the nearest of them."""
+        found = points.copy()
+        for k, sizes in self.sizes.items():
+            found[:, k] = sizes[np.abs(points[:, k, None] - sizes).argmin(axis=1)]
+        return found
 
     def run(self, points: Array) -> Array:
         """Objective and measures of limits (n, 1 + limits) of designs; NaN where infeasible.
@@ -198,13 +227,13 @@ class DesignProblem:
         return np.asarray(np.where(np.isfinite(values).all(axis=1), total, np.inf))
 
     def best(self, tolerance: float) -> int | None:
-        """The row of the best design within the bounds: of those that keep the limits, else the one that breaks them
-        least; None where none can be run. The scene's own design may be outside.
+        """The row of the best design within the bounds and at sizes: of those that keep the limits, else the one that
+        breaks them least; None where none can be run. The scene's own design may be outside.
         """
         if not self.count:
             return None
         points, values = np.concatenate(self.points), np.concatenate(self.values)
-        within = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+        within = ((points >= 0.0) & (points <= 1.0) & (self.at_sizes(points) == points)).all(axis=1)
         broken = np.where(within, self.violation(values), np.inf)
         if not np.isfinite(broken).any():
             return None

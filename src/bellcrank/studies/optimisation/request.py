@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,13 +13,14 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
+from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS, sizes_as_written
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.axes import Axis, read_axis
+from bellcrank.studies.axes import MOST_VALUES, Axis, read_axis
 from bellcrank.studies.design_space import MOST_DIMENSIONS
 from bellcrank.studies.exceedance import parse_limit
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.problem import DesignProblem, Variable
+from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combinations
 from bellcrank.studies.samples import LARGEST_SEED
 from bellcrank.studies.sweep_plan import SweepPlan, plan_sizings, plan_sweep
 
@@ -58,7 +60,7 @@ def plan_search(
     problem = DesignProblem(
         plan.runner.scene,  # type: ignore[attr-defined]
         plan.runner,
-        tuple(_variable(scene, axis) for axis in plan.runner.axes),  # type: ignore[attr-defined]
+        tuple(_variable(scene, axis, asked.variables[axis.path]) for axis in plan.runner.axes),  # type: ignore[attr-defined]
         asked.minimise or asked.maximise or "",
         1.0 if asked.minimise else -1.0,
         tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits),
@@ -66,6 +68,13 @@ def plan_search(
         progress or (lambda done: None),
         plan.notes,
     )
+    if (whole := [one.axis.path for one in problem.variables if one.axis.whole and one.sizes]) and (
+        all_combinations(problem) is None
+    ):
+        raise InputError(
+            f"optimise {scene.name}: '{whole[0]}' takes whole numbers only, so that all combinations have to be run: "
+            f"give sizes of all variables, with at most {MOST_RUN} combinations"
+        )
     return problem, asked, None if asked.start is None else _start(problem, asked.start)
 
 
@@ -108,9 +117,19 @@ def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPla
     pairs = {}
     for path, bounds in given.items():
         several = isinstance(bounds, (list, tuple, np.ndarray)) and not arguments.is_masked(bounds)
-        if not several or len(bounds) != 2:
-            raise InputError(f"optimise {scene.name}: '{path}': expected two bounds, found {arguments.found(bounds)}")
-        pairs[path] = list(bounds)
+        if isinstance(bounds, Mapping):
+            try:
+                lists = {key: list(it) if isinstance(it, np.ndarray) and it.ndim else it for key, it in bounds.items()}
+                pairs[path] = sizes_as_written(lists)
+            except ValueError as error:
+                raise InputError(f"optimise {scene.name}: '{path}': {error}") from None
+        elif several and len(bounds) == 2:
+            pairs[path] = list(bounds)
+        else:
+            raise InputError(
+                f"optimise {scene.name}: '{path}': expected two bounds, or standard sizes such as "
+                f"{{'sizes': [0.3, 0.31]}}, found {arguments.found(bounds)}"
+            )
     try:
         return (plan_sizings if sized else plan_sweep)(scene, pairs, None)
     except InputError as error:
@@ -123,16 +142,36 @@ def _renamed(error: InputError, where: str) -> InputError:
     return InputError(text.replace("argument 'vary[\"", f"{where} '").replace("\"]'", "'"))
 
 
-def _variable(scene: Scene, axis: Axis) -> Variable:
-    """An axis with two values as a variable. Raises InputError."""
+def _variable(scene: Scene, axis: Axis, given: Any) -> Variable:
+    """An axis with its bounds or sizes, as they are given, as a variable. Raises InputError."""
     where = f"optimise {scene.name}: '{axis.path}'"
     if not axis.numeric:
-        raise InputError(f"{where}: expected two bounds in one unit, found {format_value(list(axis.choices))}")
-    lower, upper = map(float, axis.numbers)
+        what = "numbers" if isinstance(given, Mapping) else "two bounds"
+        raise InputError(f"{where}: expected {what} in one unit, found {format_value(list(axis.choices))}")
+    if isinstance(given, Mapping) and "sizes" in given:
+        sizes = sorted(map(float, axis.numbers))
+        if len(set(sizes)) < max(len(sizes), 2):
+            raise InputError(
+                f"{where}: expected two sizes or more that differ, found {arguments.found(given['sizes'])}"
+            )
+        return Variable(axis, sizes[0], sizes[-1], tuple(sizes))
+    lower, upper = map(float, axis.numbers[:2])
     if not lower < upper:
         found = f"{lower:g} and {upper:g} {axis.unit}".rstrip()
         raise InputError(f"{where}: expected the lower bound below the upper, found {found}")
-    return Variable(axis, lower, upper)
+    return Variable(axis, lower, upper, _stepped(where, axis) if isinstance(given, Mapping) else ())
+
+
+def _stepped(where: str, axis: Axis) -> tuple[float, ...]:
+    """The sizes from a lower to an upper bound in steps. Raises InputError."""
+    lower, upper, step = map(float, axis.numbers)
+    steps = (upper - lower) / step if step > 0.0 else math.nan
+    if not 0.5 <= steps < MOST_VALUES or abs(steps - round(steps)) > 1e-6:
+        raise InputError(
+            f"{where}: expected a step of which a whole number, less than {MOST_VALUES}, is {upper - lower:g} "
+            f"{axis.unit}, found {step:g} {axis.unit}"
+        )
+    return (*(float(f"{lower + k * step:.12g}") for k in range(round(steps))), upper)
 
 
 def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
@@ -160,5 +199,7 @@ def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
                 f"start: '{path}' is {number:g} {axis.unit}, outside its bounds {variable.lower:g} to "
                 f"{variable.upper:g} {axis.unit}"
             )
+        if variable.sizes and number not in variable.sizes:
+            raise InputError(f"start: '{path}' is {number:g} {axis.unit}, which is none of its sizes")
         numbers.append(number)
     return problem.point(numbers)
