@@ -53,6 +53,7 @@ MADE_BY = {
     "RepeatedCycle": "repeated_cycle",
     "JointPath": "joint_path",
     "Optimum": "optimise",
+    "ParetoFront": "pareto_front",
     "Synthesis": "synthesise",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
@@ -124,7 +125,7 @@ WORDS = {
     "values": ("posture", "joint", "values"),
     "set_masses": ("mass",),
     "vary": ("vary", "sweep", "parameter"),
-    "variables": ("optimise", "override"),
+    "variables": ("optimise", "pareto_front", "override"),
     "sample": ("distribution", "study"),
     "frame": ("frame",),
     "makers": ("maker",),
@@ -262,6 +263,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": [],
     }  # fmt: skip
     best = bc.optimise(**near)
+    between = near | {"variables": {"initial.swing": {"sizes": [0.1, 0.2]}}, "start": {"initial.swing": 0.1},
+                      "points": 3, "maximise": "end.swing.velocity"}  # fmt: skip
+    front = bc.pareto_front(**between)
     corners = {"linkage": "four_bar", "points": [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "timing": 1.2,
                "transmission_angle": 0.5, "seed": 0, "progress": None}  # fmt: skip
     linkages = bc.synthesise(**corners)
@@ -358,6 +362,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "optimise": (bc.optimise, near),
         **of(best, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
              write_config={"path": "o.yaml"}),
+        "pareto_front": (bc.pareto_front, between),
+        **of(front, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
+             write_configs={"folder": "front"}),
         "synthesise": (bc.synthesise, corners),
         **of(linkages, table={}, as_dict={}, to_csv={"path": "p.csv"}, to_json={"path": "l.json"}, plot={"path": None},
              write_config={"path": "l.yaml"}),

@@ -67,6 +67,8 @@ _HOME = {
     "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
     "optimise": "studies.optimisation.optimise",
+    "pareto_front": "studies.optimisation.front",
+    "ParetoFront": "studies.optimisation.pareto_result",
     "Optimum": "studies.optimisation.optimum",
     "synthesise": "studies.synthesis.synthesise",
     "Synthesis": "studies.synthesis.synthesis",
@@ -125,6 +127,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Mount",
     "NotSavedError",
     "Optimum",
+    "ParetoFront",
     "Payload",
     "PreparedRun",
     "PreparedSimulation",
@@ -165,6 +168,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_scene",
     "mobility",
     "optimise",
+    "pareto_front",
     "plot",
     "point_to_point",
     "prepare",
@@ -251,8 +255,10 @@ if TYPE_CHECKING:
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
     from bellcrank.sizing.verification import SelectionVerification, verify_selection
+    from bellcrank.studies.optimisation.front import pareto_front
     from bellcrank.studies.optimisation.optimise import optimise
     from bellcrank.studies.optimisation.optimum import Optimum
+    from bellcrank.studies.optimisation.pareto_result import ParetoFront
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices

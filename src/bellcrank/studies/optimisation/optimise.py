@@ -104,7 +104,13 @@ def optimise(
     asked = Request(variables, minimise, maximise, limits, size, start, samples, starts, seed)
     if threads is not None:
         threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
-    return run_search(*plan_search(scene, asked, threads, progress))
+    problem, asked, begin = plan_search(scene, asked, threads, progress)
+    if len(asked.objectives) > 1:
+        raise InputError(
+            f"optimise {scene.name}: expected one measure to minimise or to maximise, found {asked.several}; "
+            "bellcrank.pareto_front finds the designs between them"
+        )
+    return run_search(problem, asked, begin)
 
 
 def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> Optimum:
@@ -158,6 +164,37 @@ def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> O
     if problem.sizes:
         combinations = Combinations(problem.combinations, 0, math.inf, False) if tree is None else tree.result()
     return _result(problem, gradients, searches, asked, before, history, complete, combinations)
+
+
+def search_known(problem: DesignProblem, asked: Request, starts: int, before: Array) -> Optimum:
+    """Search from the best of the designs that were run already, whose combinations of sizes were not all run.
+
+    Raises StudyInterrupted on Ctrl-C.
+    """
+    gradients, history = Gradients(problem), list[tuple[int, float]]()
+
+    def record() -> None:
+        if (row := problem.best(KEPT)) is not None:
+            history.append((problem.count, float(np.concatenate(problem.values)[row, 0])))
+
+    record()
+    points, values = np.concatenate(problem.points), np.concatenate(problem.values)
+    inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+    points, values = points[inside], values[inside]
+    chosen, combinations = _starts(problem, points, values, starts), None
+    if problem.sizes:
+        tree = SizeSearch(problem, gradients, record)
+        tree.run(points[chosen])
+        searches, combinations = tree.found, tree.result()
+    else:
+        searches = local_searches(problem, gradients, points[chosen], values[chosen], record)
+    return _result(problem, gradients, searches, asked, before, history, True, combinations)
+
+
+def result_of_known(problem: DesignProblem, asked: Request, before: Array, found: Optimum) -> Optimum:
+    """The best of the designs that were run already: all combinations of sizes, as in a result that was `found`."""
+    combinations, history = found.combinations, found.history
+    return _result(problem, Gradients(problem), (), asked, before, history, found.complete, combinations)
 
 
 def _check_start(problem: DesignProblem, start: Array, values: Array) -> None:

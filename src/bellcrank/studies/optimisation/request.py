@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS, sizes_as_written
+from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import MOST_VALUES, Axis, read_axis
 from bellcrank.studies.design_space import MOST_DIMENSIONS
-from bellcrank.studies.exceedance import parse_limit
+from bellcrank.studies.exceedance import Limit, parse_limit
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.problem import DesignProblem, Variable
 from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combinations
@@ -25,22 +25,33 @@ from bellcrank.studies.samples import LARGEST_SEED
 from bellcrank.studies.sweep_plan import SweepPlan, plan_sizings, plan_sweep
 
 Array = NDArray[np.float64]
-SAMPLES, STARTS = 256, 8
+SAMPLES, STARTS, POINTS = 256, 8, 9
+FAR = 1e30  # a limit that no design comes near
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked for; what is None is as the scene's entry `optimise` says."""
+    """What is asked for; what is None is as the scene's entry `optimise` says.
+
+    Once it is completed, `objectives` are the measures with 1 where they are to be small, −1 where large.
+    """
 
     variables: Mapping[str, Any] | None = None
-    minimise: str | None = None
-    maximise: str | None = None
+    minimise: str | Sequence[str] | None = None
+    maximise: str | Sequence[str] | None = None
     limits: Sequence[str] | None = None
     size: bool | None = None
     start: Mapping[str, Any] | None = None
     samples: int | None = None
     starts: int | None = None
     seed: int | None = None
+    points: int | None = None
+    objectives: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def several(self) -> str:
+        """The objectives in words."""
+        return ", ".join(name for name, _ in self.objectives)
 
 
 def plan_search(
@@ -48,22 +59,24 @@ def plan_search(
 ) -> tuple[DesignProblem, Request, Array | None]:
     """What is looked for, the request with all its numbers, and the start (variables,) that is asked for.
 
+    Of several objectives the first is that of the problem; the others are among its limits, without effect as yet.
     Raises InputError.
     """
     asked = _completed(scene, asked)
     assert asked.variables is not None and asked.limits is not None
     plan = _planned(scene, asked.variables, sized=bool(asked.size))
     units = plan.runner.units
-    for name, measure in (("minimise", asked.minimise), ("maximise", asked.maximise)):
-        if measure is not None and measure not in units:
+    for measure, sign in asked.objectives:
+        if measure not in units:
+            name = "minimise" if sign > 0.0 else "maximise"
             raise InputError(f"optimise {scene.name}: {name}: {unknown_name('measure', measure, units)}")
+    limits = tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits)
     problem = DesignProblem(
         plan.runner.scene,  # type: ignore[attr-defined]
         plan.runner,
         tuple(_variable(scene, axis, asked.variables[axis.path]) for axis in plan.runner.axes),  # type: ignore[attr-defined]
-        asked.minimise or asked.maximise or "",
-        1.0 if asked.minimise else -1.0,
-        tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits),
+        *asked.objectives[0],
+        (*limits, *(level(name, sign, sign * FAR, units) for name, sign in asked.objectives[1:])),
         LocalExecutor(threads).threads,
         progress or (lambda done: None),
         plan.notes,
@@ -86,28 +99,45 @@ def _completed(scene: Scene, asked: Request) -> Request:
     variables = arguments.mapping("variables", variables, "a mapping of parameters to their bounds (lower, upper)")
     if not variables:
         raise InputError(f"{where}: nothing is varied; give bounds of parameters, or write optimise: {{vary: …}}")
-    minimise, maximise = asked.minimise, asked.maximise
-    for name, value in (("minimise", minimise), ("maximise", maximise)):
-        if value is not None:
-            arguments.text(name, value, "the name of a measure, such as 'lock.time'")
-    if minimise is None and maximise is None:
-        minimise, maximise = entry.minimise, entry.maximise
-    if (minimise is None) == (maximise is None):
-        found = "neither" if minimise is None else "both"
-        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {found}")
+    objectives = _objectives(where, asked, entry)
     limits = entry.limits if asked.limits is None else asked.limits
     limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
     size = entry.size if asked.size is None else arguments.flag("size", asked.size)
     counts: dict[str, Any] = {}
     for name, default, least, most in (
         ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
+        ("points", POINTS, 2, MOST_POINTS),
     ):  # fmt: skip
         given, written = getattr(asked, name), getattr(entry, name)
         number = given if given is not None else default if written is None else written
         counts[name] = arguments.whole(name, number, least=least, most=most)
-    return replace(
-        asked, variables=variables, minimise=minimise, maximise=maximise, limits=limits, size=bool(size), **counts
-    )
+    return replace(asked, variables=variables, objectives=objectives, limits=limits, size=bool(size), **counts)
+
+
+def level(measure: str, sign: float, value: float, units: Mapping[str, str]) -> Limit:
+    """The limit that keeps an objective at least as good as a value."""
+    return Limit(measure, "<=" if sign > 0.0 else ">=", value, units[measure])
+
+
+def _objectives(where: str, asked: Request, entry: OptimiseEntry) -> tuple[tuple[str, float], ...]:
+    """The measures to be made small (1) and large (−1). Raises InputError."""
+    given: dict[str, Sequence[str]] = {}
+    for name, value in (("minimise", asked.minimise), ("maximise", asked.maximise)):
+        if value is not None:
+            what = "the name of a measure, such as 'lock.time'"
+            given[name] = arguments.several(name, value, str, what, alone=True)
+    if not given:
+        given = {"minimise": entry.minimise, "maximise": entry.maximise}
+    found = [
+        (measure, sign) for name, sign in (("minimise", 1.0), ("maximise", -1.0)) for measure in given.get(name, ())
+    ]
+    names = [measure for measure, _ in found]
+    if not found or set(given.get("minimise", ())) & set(given.get("maximise", ())):
+        seen = "neither" if not found else "both"
+        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {seen}")
+    if len(set(names)) < len(names):
+        raise InputError(f"{where}: expected each objective once, found {', '.join(names)}")
+    return tuple(found)
 
 
 def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPlan:
