@@ -143,7 +143,9 @@ def test_the_command_chooses_sizes_and_motors(tmp_path, capsys) -> None:
     ("vary", "message"),
     [
         ({}, "expected at least one parameter to vary"),
-        ({"actuators.shoulder.ratio": [40, 50]}, "a rating of an actuator is chosen here, and cannot be varied"),
+        ({"actuators.shoulder.ratio": [40, 50]}, "the actuators are chosen here, and their figures cannot be varied"),
+        ({"conditions.voltage": [24, 48]}, "'voltage' is among the conditions that are given, which replace it"),
+        ({"actuators.shoulder.voltage": [24, 48]}, "'voltage' is among the conditions that are given"),
         ({"link.pendulum.mas": [1]}, "link.pendulum.mas"),
         ({"link.pendulum.mass": "normal(2, 0.1)"}, "has a distribution"),
         ({"link.pendulum.mass": [-1, -2]}, "motors can be chosen for none of 2 designs"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.condition_fields import OF_AN_AXIS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
@@ -23,14 +24,15 @@ from bellcrank.sizing.selection.ranking import NOTHING, RankKey, Verdicts, as_ke
 from bellcrank.sizing.selection.select import select
 from bellcrank.sizing.selection.selection import Candidate, Objective, Selection
 from bellcrank.sizing.subject import OneMotion, changed_scene
+from bellcrank.studies.axes import Axis
 from bellcrank.studies.design_selection import DesignRow, DesignSelection
 from bellcrank.studies.design_space import DesignSpace
 from bellcrank.studies.infeasible_reasons import infeasible_reason
-from bellcrank.studies.sizing_axes import changes_of
 from bellcrank.studies.sweep_plan import axes_of_sizings
 
 MOST_DESIGNS = 100_000
 _PAYLOAD = re.compile(r"\Apayload\.")
+_CONDITION = re.compile(r"\A(conditions|actuators\.[^.]+)\.(.+)\Z")
 
 
 @arguments.named
@@ -103,9 +105,7 @@ def select_designs(
     space = DesignSpace(axes)
     if len(space) > MOST_DESIGNS:
         raise InputError(f"select_designs {scene.name}: expected at most {MOST_DESIGNS} designs, found {len(space)}")
-    for axis, change in zip(axes, changes_of(scene, axes)[1], strict=True):
-        if change.kind == "rating":
-            raise InputError(f"'{axis.path}': a rating of an actuator is chosen here, and cannot be varied")
+    _refuse_without_effect(axes, Conditions().updated(conditions))
     makers = arguments.several("makers", makers, str, "makers", alone=True)  # which may be iterators
     exclude = arguments.several("exclude", exclude, str, "ids", alone=True)
     payloads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
@@ -145,6 +145,19 @@ def select_designs(
         raise BellcrankError(f"motors can be chosen for none of {len(rows)} designs: {rows[0].reason}")
     _, number, selection, design = best
     return DesignSelection(design, axes, tuple(rows), number, selection, len(space), complete)
+
+
+def _refuse_without_effect(axes: Sequence[Axis], given: Conditions) -> None:
+    """Raise InputError for what the selection would replace: figures of actuators, and conditions that are given."""
+    for path in (axis.path for axis in axes):
+        match = _CONDITION.match(path)
+        if match is None:
+            continue
+        name = match[2]
+        if match[1] != "conditions" and name.partition(".")[0] not in OF_AN_AXIS:
+            raise InputError(f"'{path}': the actuators are chosen here, and their figures cannot be varied")
+        if name in given.sources:
+            raise InputError(f"'{path}': '{name}' is among the conditions that are given, which replace it")
 
 
 def rank_of(selection: Selection) -> tuple[int, ...]:
