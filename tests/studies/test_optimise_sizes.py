@@ -16,6 +16,7 @@ SPRING = {
     "spring_preload": {"lower": 150, "upper": "300 N m", "step": "50 N m"},
     "spring_stiffness": {"sizes": STIFFNESSES},
 }
+COARSE = {"samples": 16, "starts": 1, "threads": 1}
 SMALL = {"size": True, "threads": 1, "samples": 32, "starts": 2}
 
 
@@ -85,6 +86,23 @@ def test_a_size_beside_a_continuous_length_is_the_one_that_locks_soonest() -> No
     ]  # fmt: skip
     least = min(single.objective for single in singles if single.converged)
     assert best.objective == pytest.approx(least, rel=1e-6) and best.residual < 1e-6
+
+
+def test_a_search_that_ends_early_says_how_much_better_the_rest_may_be(monkeypatch) -> None:
+    monkeypatch.setattr(size_search, "MOST_RUN", 2)
+    vary = {"crank_length": {"sizes": [1.2, 1.21, 1.22, 1.23, 1.24]},
+            "rocker_length": {"sizes": [1.2, 1.213, 1.227, 1.24]}}  # fmt: skip
+    asked = {"minimise": "lock.time", "limits": ["lock.crank >= 155.3 deg", "start.rocker <= 90 deg"], **COARSE}
+    whole = bc.optimise("four_bar", vary, **asked)
+    monkeypatch.setattr(size_search, "MOST_BOXES", 1)
+    part = bc.optimise("four_bar", vary, **asked)
+    assert whole.converged and whole.combinations.gap == 0.0 and not part.converged
+    assert 0.0 < part.combinations.gap < 1.0 and f"gap to the best: {part.combinations.gap:.3g} s" in part.table()
+    assert part.objective - whole.objective <= part.combinations.gap + 1e-9
+    assert any("did not try or exclude" in note for note in part.notes) and "residual is" not in str(part.notes)
+    monkeypatch.undo()
+    every = bc.optimise("four_bar", vary, **asked)
+    assert every.combinations.proved and every.values == whole.values
 
 
 def test_ctrl_c_keeps_the_best_size_and_says_that_the_gap_is_not_known() -> None:

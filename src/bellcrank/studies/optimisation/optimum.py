@@ -196,7 +196,7 @@ class Optimum:
                 said.append(
                     Note(f"the limit {limit} is broken: {self.problem.measure_of(1 + k, self.found[1 + k])}", "changes")
                 )
-        if self.complete and self.keeps_limits and not self.converged:
+        if self.complete and self.keeps_limits and self.residual > CONVERGED:
             value = f"{self.residual:.1e}" if math.isfinite(self.residual) else "not known"
             why = f" ({self.reason})" if self.reason else ""
             said.append(
