@@ -1,5 +1,6 @@
 """Standard sizes: the best combination is that of brute force, with and without continuous variables; bad input."""
 
+import csv
 import json
 from itertools import product
 
@@ -88,7 +89,7 @@ def test_a_size_beside_a_continuous_length_is_the_one_that_locks_soonest() -> No
     assert best.objective == pytest.approx(least, rel=1e-6) and best.residual < 1e-6
 
 
-def test_a_search_that_ends_early_says_how_much_better_the_rest_may_be(monkeypatch) -> None:
+def test_a_search_that_ends_early_says_how_much_better_the_rest_may_be(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(size_search, "MOST_RUN", 2)
     vary = {"crank_length": {"sizes": [1.2, 1.21, 1.22, 1.23, 1.24]},
             "rocker_length": {"sizes": [1.2, 1.213, 1.227, 1.24]}}  # fmt: skip
@@ -98,6 +99,10 @@ def test_a_search_that_ends_early_says_how_much_better_the_rest_may_be(monkeypat
     part = bc.optimise("four_bar", vary, **asked)
     assert whole.converged and whole.combinations.gap == 0.0 and not part.converged
     assert 0.0 < part.combinations.gap < 1.0 and f"gap to the best: {part.combinations.gap:.3g} s" in part.table()
+    table = list(csv.DictReader(whole.to_csv(tmp_path / "d.csv").read_text().splitlines()))
+    off = [float(row["crank_length [m]"]) not in vary["crank_length"]["sizes"] for row in table[1:]]
+    said = ["between sizes" in row["reason"] for row in table[1:]]
+    assert any(said) and all(row for sized, row in zip(off, said, strict=True) if sized)
     assert part.objective - whole.objective <= part.combinations.gap + 1e-9
     assert any("did not try or exclude" in note for note in part.notes) and "residual is" not in str(part.notes)
     monkeypatch.undo()

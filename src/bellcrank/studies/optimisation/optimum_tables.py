@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bellcrank.studies.optimisation.local_search import KEPT
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
     from bellcrank.studies.optimisation.optimum import Optimum
 
+BETWEEN = "between sizes: run to bound what combinations of sizes can reach"
 MOST_SHOWN = 5  # variables in a picture
 
 
@@ -80,10 +82,17 @@ def designs_table(result: Optimum) -> list[Sequence[object]]:
     head += [f"{name} [{result.problem.unit_of(k) or '1'}]" for k, name in enumerate(problem.measures)]
     rows: list[Sequence[object]] = [[*head, "reason"]]
     numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
+    between = ~_at_sizes(result)
     for k, (own, found) in enumerate(zip(numbers.tolist(), values.tolist(), strict=True)):
         cells = ["" if math.isnan(value) else value for value in found]
-        rows.append([*own, *cells, problem.reasons.get(k, "")])
+        rows.append([*own, *cells, problem.reasons.get(k, BETWEEN if between[k] else "")])
     return rows
+
+
+def _at_sizes(result: Optimum) -> NDArray[np.bool_]:
+    """Which of the designs that were run have sizes where there are some."""
+    points = np.concatenate(result.problem.points)
+    return np.asarray((result.problem.at_sizes(points) == points).all(axis=1))
 
 
 def designs_figure(result: Optimum) -> Figure:
@@ -94,13 +103,14 @@ def designs_figure(result: Optimum) -> Figure:
     shown = problem.variables[:MOST_SHOWN]
     figure = new_figure(3.2 * (1 + len(shown)), 3.4)
     axes = np.atleast_1d(figure.subplots(1, 1 + len(shown)))
-    values, numbers = np.concatenate(problem.values), problem.numbers(np.concatenate(problem.points))
-    kept = problem.violation(values) <= KEPT
+    values, points = np.concatenate(problem.values), np.concatenate(problem.points)
+    numbers, kept = problem.numbers(points), (problem.violation(values) <= KEPT) & _at_sizes(result)
+    other = "breaks a limit, or between sizes" if problem.sizes else "breaks a limit"
     label = f"{problem.measure} [{result.problem.unit_of(0) or '1'}]"
     axes[0].step(*zip(*result.history, strict=True), where="post", color=colour(0))
     axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far" if kept.any() else "nearest so far")
     for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):
-        axis.plot(numbers[~kept, k], values[~kept, 0], ".", color="0.75", markersize=3, label="breaks a limit")
+        axis.plot(numbers[~kept, k], values[~kept, 0], ".", color="0.75", markersize=3, label=other)
         axis.plot(numbers[kept, k], values[kept, 0], ".", color=colour(0), markersize=3, label="keeps the limits")
         name = "best" if result.keeps_limits else "nearest"
         axis.plot(result.values[variable.axis.path], result.objective, "D", color=colour(1), label=name)
