@@ -53,6 +53,8 @@ MADE_BY = {
     "RepeatedCycle": "repeated_cycle",
     "JointPath": "joint_path",
     "Optimum": "optimise",
+    "ParetoFront": "pareto_front",
+    "DesignSelection": "select_designs",
     "Synthesis": "synthesise",
 }
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
@@ -124,7 +126,7 @@ WORDS = {
     "values": ("posture", "joint", "values"),
     "set_masses": ("mass",),
     "vary": ("vary", "sweep", "parameter"),
-    "variables": ("optimise", "override"),
+    "variables": ("optimise", "pareto_front", "override"),
     "sample": ("distribution", "study"),
     "frame": ("frame",),
     "makers": ("maker",),
@@ -262,6 +264,16 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": [],
     }  # fmt: skip
     best = bc.optimise(**near)
+    between = near | {"variables": {"initial.swing": {"sizes": [0.1, 0.2]}}, "start": {"initial.swing": 0.1},
+                      "points": 3, "maximise": "end.swing.velocity"}  # fmt: skip
+    front = bc.pareto_front(**between)
+    chosen_designs = {
+        "scene": "geared_pendulum", "vary": {"link.pendulum.mass": [2.0]}, "motions": None, "catalogue": small,
+        "objective": "mass", "conditions": bc.Conditions(), "keep": None, "exclude": (), "makers": (), "feedback": True,
+        "candidates": 2, "effort": 10, "payloads": (), "allow_massless": (), "overrides": {"payloads": []},
+        "progress": None, "trust": (),
+    }  # fmt: skip
+    designs = bc.select_designs(**chosen_designs)
     corners = {"linkage": "four_bar", "points": [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "timing": 1.2,
                "transmission_angle": 0.5, "seed": 0, "progress": None}  # fmt: skip
     linkages = bc.synthesise(**corners)
@@ -358,6 +370,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "optimise": (bc.optimise, near),
         **of(best, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
              write_config={"path": "o.yaml"}),
+        "pareto_front": (bc.pareto_front, between),
+        **of(front, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
+             write_configs={"folder": "front"}),
         "synthesise": (bc.synthesise, corners),
         **of(linkages, table={}, as_dict={}, to_csv={"path": "p.csv"}, to_json={"path": "l.json"}, plot={"path": None},
              write_config={"path": "l.yaml"}),
@@ -442,6 +457,9 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "transmissions": None, "mounts": None, "feedback": True, "candidates": 2, "effort": 10, "payloads": (),
             "allow_massless": (), "simulated_limits": {"settling_time": 100.0},
             "overrides": {"payloads": []}, "trust": ()}),
+        "select_designs": (bc.select_designs, chosen_designs),
+        **of(designs, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "d.json"},
+             write_config={"path": "best_design.yaml"}),
         **of(shipped, filtered={"makers": ["maxon"], "kinds": (), "voltage": None, "exclude": ()},
              gear={"name": "apex_af042_50"}, motor={"name": "maxon_607930"}, only={"ids": ["maxon_607930"]},
              product={"name": "maxon_607930"}),

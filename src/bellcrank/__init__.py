@@ -67,6 +67,10 @@ _HOME = {
     "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
     "optimise": "studies.optimisation.optimise",
+    "pareto_front": "studies.optimisation.front",
+    "select_designs": "studies.select_designs",
+    "DesignSelection": "studies.design_selection",
+    "ParetoFront": "studies.optimisation.pareto_result",
     "Optimum": "studies.optimisation.optimum",
     "synthesise": "studies.synthesis.synthesise",
     "Synthesis": "studies.synthesis.synthesis",
@@ -106,6 +110,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CompileError",
     "Conditions",
     "CoupledTransmission",
+    "DesignSelection",
     "DriveVerdicts",
     "EventSensitivity",
     "FastestMotion",
@@ -125,6 +130,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "Mount",
     "NotSavedError",
     "Optimum",
+    "ParetoFront",
     "Payload",
     "PreparedRun",
     "PreparedSimulation",
@@ -165,6 +171,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "load_scene",
     "mobility",
     "optimise",
+    "pareto_front",
     "plot",
     "point_to_point",
     "prepare",
@@ -177,6 +184,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "scene_derivatives",
     "scene_inverse_dynamics",
     "select",
+    "select_designs",
     "show",
     "simulate",
     "size",
@@ -251,9 +259,13 @@ if TYPE_CHECKING:
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
     from bellcrank.sizing.verification import SelectionVerification, verify_selection
+    from bellcrank.studies.design_selection import DesignSelection
+    from bellcrank.studies.optimisation.front import pareto_front
     from bellcrank.studies.optimisation.optimise import optimise
     from bellcrank.studies.optimisation.optimum import Optimum
+    from bellcrank.studies.optimisation.pareto_result import ParetoFront
     from bellcrank.studies.sample_statistics import SampleStatistics
+    from bellcrank.studies.select_designs import select_designs
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep

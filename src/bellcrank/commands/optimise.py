@@ -1,10 +1,10 @@
-"""`bellcrank optimise`: the best design on screen; files with it and with every design that was run in a folder."""
+"""`bellcrank optimise`: the best design, or the front between objectives, on screen and as files in a folder."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands.options import add_output_folder, add_trust, whole_option
 from bellcrank.commands.output_files import output_path, write_each, written
@@ -14,8 +14,10 @@ from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
     from bellcrank.studies.optimisation.optimum import Optimum
+    from bellcrank.studies.optimisation.pareto_result import ParetoFront
 
 NAMES = ("designs.csv", "optimum.json", "optimum.png")
+NAMES_OF_FRONT = ("front.csv", "front.json", "front.png")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,10 +28,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=LOWER:UPPER",
         help="vary a parameter, or whatever else `bellcrank sweep` can vary, between two bounds, such as "
-        "crank_length='1.2 m:1.24 m'; may be repeated (default: the scene's entry optimise)",
+        "crank_length='1.2 m:1.24 m', or over standard sizes, such as crank_length='1.2 m:1.24 m step 5 mm' or "
+        "crank_length=1.2,1.22,1.24; may be repeated (default: the scene's entry optimise)",
     )  # fmt: skip
-    parser.add_argument("--minimise", metavar="MEASURE", help="the measure to be made small, one of those of sweeps")
-    parser.add_argument("--maximise", metavar="MEASURE", help="the measure to be made large, instead")
+    parser.add_argument(
+        "--minimise", action="append", metavar="MEASURE",
+        help="the measure to be made small, one of those of sweeps; several of --minimise and --maximise ask for the "
+        "front between them",
+    )  # fmt: skip
+    parser.add_argument("--maximise", action="append", metavar="MEASURE", help="the measure to be made large, instead")
+    parser.add_argument(
+        "--points", metavar="N", help="number of levels of each objective but the first along a front (default: 9)"
+    )
     parser.add_argument(
         "--limit", action="append", default=[], metavar="LIMIT", dest="limits",
         help="a condition on a measure that the design is to keep, with <=, >= or =, such as "
@@ -54,13 +64,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search. Exit code 0: a local optimum that keeps the limits; 1: none; 130: interrupted. The best design is written
-    in any case. Raises BellcrankError for invalid input.
+    """Search. Exit code 0: a local optimum that keeps the limits, or a front of such optima; 1: none; 130: interrupted.
+    The best designs are written in any case. Raises BellcrankError for invalid input.
     """
-    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
+    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.executors import MOST_THREADS
+    from bellcrank.studies.optimisation.front import run_front
     from bellcrank.studies.optimisation.optimise import run_search
     from bellcrank.studies.optimisation.request import Request, plan_search
     from bellcrank.studies.samples import LARGEST_SEED
@@ -76,9 +87,10 @@ def run(arguments: argparse.Namespace) -> int:
         samples=whole_option("--samples", arguments.samples, 1, MOST_DESIGNS),
         starts=whole_option("--starts", arguments.starts, 1, MOST_STARTS),
         seed=whole_option("--seed", arguments.seed, 0, LARGEST_SEED),
+        points=whole_option("--points", arguments.points, 2, MOST_POINTS),
     )
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
-    check_folder("--out", folder, NAMES)
+    check_folder("--out", folder, (*NAMES, *NAMES_OF_FRONT))
     if arguments.write_config is not None:
         check_file("--write-config", arguments.write_config)
     changes = dict(parse_assignment(text) for text in arguments.changes)
@@ -94,19 +106,40 @@ def run(arguments: argparse.Namespace) -> int:
             check()
             bar(done, done)
 
-        result = run_search(*plan_search(scene, asked, threads, progress))
-    return _show(result, folder, arguments)
+        problem, asked, start = plan_search(scene, asked, threads, progress)
+        if len(asked.objectives) > 1:
+            if arguments.write_config is not None:
+                raise InputError("--write-config: each design of a front is written into the folder of --out")
+            front = run_front(problem, asked, start)
+        elif arguments.points is not None:
+            raise InputError("--points: belongs to a front; give several of --minimise and --maximise")
+        else:
+            result = run_search(problem, asked, start)
+    return _show(result, folder, arguments) if len(asked.objectives) == 1 else _show_front(front, folder, arguments)
 
 
-def _bounds(text: str) -> tuple[str, list[object]]:
-    """Path and bounds of "path=lower:upper". Raises InputError."""
+def _bounds(text: str) -> tuple[str, Any]:
+    """Path and bounds of "path=lower:upper", or its sizes ("path=lower:upper step step", "path=size,size,…").
+
+    Raises InputError.
+    """
     from bellcrank.config.yaml_file import read_value
+    from bellcrank.scene.optimise_entry import STEPPED
 
     path, equals, given = text.partition("=")
-    parts = given.split(":")
-    if not equals or not path.strip() or len(parts) != 2:
-        raise InputError(f"--vary {text!r}: expected PATH=LOWER:UPPER, such as crank_length=1.2:1.24")
-    return path.strip(), [read_value(part, f"--vary {text!r}") for part in parts]
+    given, stepped, step = given.partition(" step ")
+    parts = [*given.split(":"), *([step] if stepped else [])]
+    sizes = given.split(",")
+    listed = len(parts) == 1 and len(sizes) > 1
+    if not equals or not path.strip() or not (listed or len(parts) == (3 if stepped else 2)):
+        raise InputError(
+            f"--vary {text!r}: expected PATH=LOWER:UPPER, PATH='LOWER:UPPER step STEP' or PATH=SIZE,SIZE,…, such as "
+            "crank_length=1.2:1.24"
+        )
+    values = [read_value(part, f"--vary {text!r}") for part in (sizes if listed else parts)]
+    if listed:
+        return path.strip(), {"sizes": values}
+    return path.strip(), dict(zip(STEPPED, values, strict=True)) if stepped else values
 
 
 def _show(result: Optimum, folder: Path, arguments: argparse.Namespace) -> int:
@@ -123,3 +156,18 @@ def _show(result: Optimum, folder: Path, arguments: argparse.Namespace) -> int:
     write_each(files, jobs)
     print(written(files, folder))
     return (0 if result.converged else 1) if result.complete else 130
+
+
+def _show_front(front: ParetoFront, folder: Path, arguments: argparse.Namespace) -> int:
+    """Print the front and write the files; returns the exit code."""
+    print(front.table())
+    for note in front.notes:
+        print(f"{note.label}: {note}")
+    files: list[Path] = []
+    jobs: list[Any] = [(folder / NAMES_OF_FRONT[0], front.to_csv), (folder / NAMES_OF_FRONT[1], front.to_json)]
+    if not arguments.no_plots:
+        jobs.append((folder / NAMES_OF_FRONT[2], front.plot))
+    jobs += [(folder / name, one.write_config) for name, one in zip(front.config_names, front.designs, strict=True)]
+    write_each(files, jobs)
+    print(written(files, folder))
+    return (0 if front.converged else 1) if front.complete else 130

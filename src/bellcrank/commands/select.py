@@ -28,13 +28,15 @@ from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.studies.design_selection import DesignSelection
 
+DESIGNS = ("designs.csv", "designs.json")
 OBJECTIVES = ("mass", "cost", "loss", "margin")
 MOST_CANDIDATES = 1000
 
 MAIN_OPTIONS = (  # the others are listed by --help-all
-    "--motion", "--catalogue", "--objective", "--keep", "--payload", "--voltage", "--safety-factor", "--write-config",
-    "--page", "--out",
+    "--motion", "--catalogue", "--objective", "--keep", "--vary", "--payload", "--voltage", "--safety-factor",
+    "--write-config", "--page", "--out",
 )  # fmt: skip
 
 
@@ -75,6 +77,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keep",
         "JOINT=MOTOR[+GEAR]",
         "the motor, and the gear, of a joint are given by their ids; may be repeated",
+    )
+    _repeated(
+        parser,
+        "--vary",
+        "PATH=VALUES",
+        "choose sizes of a parameter too, given as for `bellcrank sweep`: upper_arm=0.9,1.0,1.1; may be repeated",
     )
     _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
@@ -175,7 +183,9 @@ def run(arguments: argparse.Namespace) -> int:
     kept, count = parse_kept(arguments.keep), whole_option("--top", arguments.top, 1, MOST_CANDIDATES)
     given = conditions(arguments)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
-    check_folder("--out", folder, FILES)
+    check_folder("--out", folder, (*FILES, *DESIGNS))
+    if arguments.vary and limits:
+        raise InputError("--limit: not with --vary; judge the best design with `bellcrank judge --simulate`")
     page = page_of(arguments, folder / REPORT)
     robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     config = robot if isinstance(robot, RobotConfig) else robot.config
@@ -184,28 +194,38 @@ def run(arguments: argparse.Namespace) -> int:
         check_target(arguments.write_config, config)
     own = [] if config.catalogue is None else [str(config.catalogue)]
     catalogue = products([*own, *arguments.catalogue], arguments.exclude, arguments.maker)
+    settings: dict[str, Any] = {
+        "conditions": given, "keep": kept, "feedback": not arguments.no_feedback, "candidates": count or 12,
+        "payloads": payloads, "allow_massless": arguments.allow_massless,
+    }  # fmt: skip
+    designs = None
     try:
-        selection = select(
-            robot,
-            arguments.motion or None,
-            catalogue,
-            arguments.objective,
-            conditions=given,
-            keep=kept,
-            feedback=not arguments.no_feedback,
-            candidates=count or 12,
-            payloads=payloads,
-            allow_massless=arguments.allow_massless,
-            simulated_limits=limits or None,
-        )
+        if arguments.vary:
+            designs = _designs(arguments, catalogue, settings)
+            selection = designs.selection
+        else:
+            selection = select(
+                robot,
+                arguments.motion or None,
+                catalogue,
+                arguments.objective,
+                simulated_limits=limits or None,
+                **settings,
+            )
     except InputError as error:
         raise InputError(str(error).replace("argument 'keep'", "--keep", 1)) from None
+    if designs is not None:
+        print(f"{designs.table()}\n")
+        for note in designs.notes:
+            print(f"{note.label}: {note}")
     print(table(selection))
     for text in selection.warnings:
         print(wrapped(f"note: {text}", "", "  "))
     earlier = earlier_files(folder)
     files = write_results(selection, folder)  # first what matters most, in case the disk is full
     with list_on_failure(files, folder):
+        if designs is not None:
+            files += [designs.to_csv(folder / DESIGNS[0]), designs.to_json(folder / DESIGNS[1])]
         if not arguments.no_plots:
             from bellcrank.sizing.selection.plots import write_plots
 
@@ -221,7 +241,38 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"\n{verdict(selection)}\n{written(files, folder)}")
     if arguments.write_config is not None:
         _write_config(selection, arguments.write_config)
+    if designs is not None and not designs.complete:
+        return 130
     return 0 if selection.verified or (arguments.accept_unknown and selection.inside) else 1
+
+
+def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict[str, Any]) -> DesignSelection:
+    """The best of the designs that --vary asks for. Raises BellcrankError as `select_designs`."""
+    from bellcrank.scene.overrides import parse_assignment
+    from bellcrank.scene.scene import load_scene
+    from bellcrank.studies.axes import parse_axis
+    from bellcrank.studies.select_designs import select_designs
+    from bellcrank.terminal import interruption
+    from bellcrank.terminal.progress import counting
+
+    vary: dict[str, Any] = {}
+    for text in arguments.vary:
+        path, values = parse_axis(text)
+        if path in vary:
+            raise InputError(f"--vary {text!r}: '{path}' is varied already")
+        vary[path] = values
+    scene = load_scene(arguments.robot, trust=arguments.trust)
+    changes = dict(parse_assignment(text) for text in arguments.changes)
+    with counting("designs", " designs") as bar, interruption.held() as check:
+
+        def progress(done: int, of: int) -> None:
+            check()
+            bar(done, of)
+
+        return select_designs(
+            scene, vary, arguments.motion or None, catalogue, arguments.objective, overrides=changes or None,
+            progress=progress, **settings,
+        )  # fmt: skip
 
 
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:

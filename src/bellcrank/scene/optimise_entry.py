@@ -9,7 +9,8 @@ from typing import Any
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 
-MOST_DESIGNS, MOST_STARTS = 10**6, 1000
+MOST_DESIGNS, MOST_STARTS, MOST_POINTS = 10**6, 1000, 1000
+STEPPED = ("lower", "upper", "step")
 
 
 @dataclass(frozen=True)
@@ -17,26 +18,43 @@ class OptimiseEntry:
     """The search for a best design of the scene; what is None or empty is not said.
 
     Attributes:
-        vary: Bounds (lower, upper) by parameter or path, as written.
-        minimise: The measure to be made small.
-        maximise: The measure to be made large.
+        vary: Bounds (lower, upper), or standard sizes (`sizes_as_written`), by parameter or path, as written.
+        minimise: The measures to be made small.
+        maximise: The measures to be made large.
         limits: Conditions on measures, such as "lock.crank <= 120 deg".
         size: Whether designs are sized instead of simulated.
         samples: The number of designs of the global search.
         starts: The number of local searches.
         seed: Of the sample.
+        points: The number of values of each other objective along a front.
         place: Where it is written, for messages.
     """
 
     vary: Mapping[str, Any] = field(default_factory=dict)
-    minimise: str | None = None
-    maximise: str | None = None
+    minimise: tuple[str, ...] = ()
+    maximise: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
     size: bool | None = None
     samples: int | None = None
     starts: int | None = None
     seed: int | None = None
+    points: int | None = None
     place: Fields | None = field(default=None, compare=False, repr=False)
+
+
+def sizes_as_written(given: Mapping[str, Any]) -> list[Any]:
+    """The values of {"sizes": [0.3, 0.31, …]}, or lower, upper and step of {"lower": …, "upper": …, "step": …}.
+
+    Raises ValueError with what was expected.
+    """
+    if set(given) == set(STEPPED):
+        return [given[name] for name in STEPPED]
+    if set(given) == {"sizes"} and isinstance(given["sizes"], (list, tuple)):
+        return list(given["sizes"])
+    raise ValueError(
+        "expected standard sizes as {sizes: [0.3, 0.31]} or {lower: 0.3, upper: 0.4, step: 5 mm}, found "
+        f"{format_value(dict(given))}"
+    )
 
 
 def read_optimise(read: Fields) -> OptimiseEntry:
@@ -44,27 +62,46 @@ def read_optimise(read: Fields) -> OptimiseEntry:
     vary = read.mapping("vary", {})
     bounds = {path: vary.raw(path) for path in vary}
     for path, pair in bounds.items():
-        if not isinstance(pair, list) or len(pair) != 2:
+        if isinstance(pair, dict):
+            try:
+                sizes_as_written(pair)
+            except ValueError as error:
+                raise vary.error(path, str(error)) from None
+        elif not isinstance(pair, list) or len(pair) != 2:
             raise vary.error(path, f"expected two bounds, such as [1.2, 1.3], found {format_value(pair)}")
-    if "minimise" in read and "maximise" in read:
-        raise read.error("maximise", "expected one of minimise and maximise, found both")
+    minimise, maximise = _measures(read, "minimise"), _measures(read, "maximise")
+    if both := set(minimise) & set(maximise):
+        raise read.error("maximise", f"expected {min(both)} under one of minimise and maximise, found both")
     limits = read.raw("limits", [])
     if not isinstance(limits, list) or not all(isinstance(limit, str) for limit in limits):
         raise read.error("limits", f"expected a list such as ['lock.crank <= 120 deg'], found {format_value(limits)}")
     counts: dict[str, int | None] = {}
-    for name, least, most in (("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9)):
+    for name, least, most in (
+        ("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9), ("points", 2, MOST_POINTS),
+    ):  # fmt: skip
         counts[name] = read.integer(name, minimum=least) if name in read else None
         if (counts[name] or 0) > most:
             raise read.error(name, f"expected at most {most}, found {counts[name]}")
     found = OptimiseEntry(
         vary=bounds,
-        minimise=read.text("minimise") if "minimise" in read else None,
-        maximise=read.text("maximise") if "maximise" in read else None,
+        minimise=minimise,
+        maximise=maximise,
         limits=tuple(limits),
         size=read.flag("size", False) if "size" in read else None,
         place=read,
         **counts,
     )
-    read.known("minimise", "maximise", "size", "samples", "starts", "seed")
+    read.known("minimise", "maximise", "size", "samples", "starts", "seed", "points")
     read.done()
     return found
+
+
+def _measures(read: Fields, key: str) -> tuple[str, ...]:
+    """A measure, or a list of them; none where the key is not there. Raises InputError."""
+    if key not in read:
+        return ()
+    given = read.raw(key)
+    listed = given if isinstance(given, list) else [given]
+    if not listed or not all(isinstance(name, str) for name in listed):
+        raise read.error(key, f"expected a measure such as lock.time, or a list of them, found {format_value(given)}")
+    return tuple(listed)

@@ -82,14 +82,20 @@ def plan_sizings(
 
     Raises InputError for a path that does not exist or accepts none of its values.
     """
-    axes = _axes(scene, vary, lambda path: unit_of(scene, path))
-    _refuse_repeated(scene, axes)
+    axes = axes_of_sizings(scene, vary)
     space = _space(scene, axes, sample)
     runner = SizingRunner(scene, axes)
     for axis, change in zip(axes, runner.changes, strict=True):
         if change.kind == "override":
             _check(scene, axis, checking, equations=False)
     return SweepPlan(scene, space, runner, runner.notes)
+
+
+def axes_of_sizings(scene: Scene, vary: Mapping[str, Any] | None) -> tuple[Axis, ...]:
+    """What sizings vary; None: as the scene's study says. Raises InputError."""
+    axes = _axes(scene, vary, lambda path: unit_of(scene, path))
+    _refuse_repeated(scene, axes)
+    return axes
 
 
 def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None]) -> tuple[Axis, ...]:

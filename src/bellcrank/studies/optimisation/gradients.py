@@ -76,10 +76,13 @@ class Gradients:
         if self.names:
             self.exact = frozenset(filter(self._is_exact, self.problem.measures))
 
-    def at(self, points: Sequence[Array], values: Sequence[Array]) -> list[list[list[Row]]]:
+    def at(
+        self, points: Sequence[Array], values: Sequence[Array], free: Sequence[NDArray[np.bool_]] | None = None
+    ) -> list[list[list[Row]]]:
         """For each design, the rows of each measure; `values` (1 + limits,) are those of the designs.
 
-        A gradient that is not known, because designs beside it are infeasible, is NaN.
+        A gradient that is not known, because designs beside it are infeasible, is NaN. That by a variable that is not
+        `free` (variables,) may be 0 instead.
         """
         measures = self.problem.measures
         found = [[list[Row]() for _ in measures] for _ in points]
@@ -92,7 +95,8 @@ class Gradients:
                         rows[k] = [row._replace(value=row.value + shift) for row in given]
         left = [k for k, name in enumerate(measures) if any(not rows[k] for rows in found)]
         if left:
-            slopes = self._differences(np.array(points), np.array(values))
+            every = np.ones((len(points), len(self.factors)), dtype=bool)
+            slopes = self._differences(np.array(points), np.array(values), every if free is None else np.array(free))
             for rows, value, slope in zip(found, values, slopes, strict=True):
                 for k in left:
                     rows[k] = rows[k] or [Row(float(value[k]), slope[k], (measures[k],))]
@@ -100,10 +104,9 @@ class Gradients:
 
     # ---- differences
 
-    def _differences(self, points: Array, values: Array) -> Array:
+    def _differences(self, points: Array, values: Array, free: NDArray[np.bool_]) -> Array:
         """Slopes (designs, measures, variables) of designs (n, variables); NaN where no stencil fits."""
-        count, size = points.shape
-        found = np.full((count, values.shape[1], size), np.nan)
+        found = np.where(free[:, None, :], np.full((1, values.shape[1], 1), np.nan), 0.0)
         for stencil in STENCILS:
             wanted, asked = [], []
             for row, k in np.argwhere(np.isnan(found).any(axis=1)).tolist():

@@ -71,12 +71,16 @@ class Search:
     Attributes:
         point: The design, from 0 to 1.
         values: Its objective and measures of limits.
+        lower: The bounds (variables,) of the search; where `upper` is equal, the variable is fixed.
+        upper: See `lower`.
         reason: Why it ended; empty while it goes on.
         blocked: Why the last design that it tried was infeasible; empty where it was not.
     """
 
     point: Array
     values: Array
+    lower: Array
+    upper: Array
     reason: str = ""
     blocked: str = ""
     radius: float = FIRST_RADIUS
@@ -90,16 +94,32 @@ class Search:
     tiny: int = 0
     restarts: int = 3
 
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which variables (variables,) are not fixed."""
+        return np.asarray(self.upper > self.lower)
+
 
 def local_searches(
-    problem: DesignProblem, gradients: Gradients, starts: Array, values: Array, each: Callable[[], object]
+    problem: DesignProblem,
+    gradients: Gradients,
+    starts: Array,
+    values: Array,
+    each: Callable[[], object],
+    boxes: tuple[Array, Array] | None = None,
 ) -> list[Search]:
     """Search from feasible designs (n, variables) with values (n, 1 + limits); `each` is called after each iteration.
 
-    Raises StudyInterrupted on Ctrl-C.
+    `boxes` are lower and upper bounds (n, variables) of each search, by default 0 and 1. Raises StudyInterrupted on
+    Ctrl-C.
     """
     size = starts.shape[1]
-    searches = [Search(point, value, hessian=np.eye(size)) for point, value in zip(starts, values, strict=True)]
+    lower, upper = (np.zeros_like(starts), np.ones_like(starts)) if boxes is None else boxes
+    given = zip(starts, values, lower, upper, strict=True)
+    searches = [Search(*one, hessian=np.eye(size)) for one in given]
+    for one in searches:
+        if not one.free.any():
+            one.reason = "nothing is left to vary"
     for _ in range(MOST_ITERATIONS):
         linearise(problem, gradients, [one for one in searches if one.fresh and not one.reason])
         live = [one for one in searches if not one.reason]
@@ -107,7 +127,7 @@ def local_searches(
         moving = [(one, step) for one, step in zip(live, steps, strict=True) if not one.reason]
         if not moving:
             break
-        trials = np.array([np.clip(one.point + step[0], 0.0, 1.0) for one, step in moving])
+        trials = np.array([np.clip(one.point + step[0], one.lower, one.upper) for one, step in moving])
         before = problem.count
         found = problem.run(trials)
         for k, ((one, step), trial) in enumerate(zip(moving, trials, strict=True)):
@@ -120,7 +140,8 @@ def local_searches(
 
 def linearise(problem: DesignProblem, gradients: Gradients, searches: Sequence[Search]) -> None:
     """Compute the functions and the residual of searches at their designs, and what follows for their Hessians."""
-    rows = gradients.at([one.point for one in searches], [one.values for one in searches])
+    free = [one.free for one in searches]
+    rows = gradients.at([one.point for one in searches], [one.values for one in searches], free)
     for one, measures in zip(searches, rows, strict=True):
         one.fresh = False
         objective = [_scaled(row, problem.sign / problem.scales[0], 0.0) for row in measures[0]]
@@ -135,12 +156,12 @@ def linearise(problem: DesignProblem, gradients: Gradients, searches: Sequence[S
             one.reason = "designs beside it are infeasible"
             continue
         _update_hessian(one)
-        one.kkt = kkt_of(one.point, one.functions)
+        one.kkt = kkt_of(one.point, one.functions, one.lower, one.upper)
         if one.kkt.residual <= ENOUGH:
             one.reason = "the residual is small"
 
 
-def kkt_of(point: Array, functions: Sequence[Function]) -> Kkt:
+def kkt_of(point: Array, functions: Sequence[Function], lower: Array, upper: Array) -> Kkt:
     """The multipliers that make the residual least, by non-negative least squares over what is active."""
     from scipy.optimize import nnls
 
@@ -155,7 +176,8 @@ def kkt_of(point: Array, functions: Sequence[Function]) -> Kkt:
                     gaps.append(0.0 if function.equal else max(gap, 0.0))
                     owners.append((k, sign))
     free = len(columns)
-    at = [(j, side) for j in range(size) for side, near in ((-1.0, point[j]), (1.0, 1.0 - point[j])) if near < AT_BOUND]
+    gap_of = {-1.0: point - lower, 1.0: upper - point}
+    at = [(j, side) for j in range(size) for side, near in gap_of.items() if near[j] < AT_BOUND]
     columns += [side * np.eye(size)[j] for j, side in at]
     use = [i for i in range(len(columns)) if i >= free or owners[i][0] or gaps[i] <= ACTIVE]
     matrix = np.array([columns[i] for i in use]).T
@@ -184,8 +206,8 @@ def _scaled(row: Row, factor: float, offset: float) -> Row:
 
 def _step(one: Search) -> tuple[Array, float]:
     """The step of a search and the reduction that its model promises; ends it where there is none."""
-    lower = np.maximum(-one.point, -one.radius)
-    upper = np.minimum(1.0 - one.point, one.radius)
+    lower = np.maximum(one.lower - one.point, -one.radius)
+    upper = np.minimum(one.upper - one.point, one.radius)
     solved = _quadratic_programme(one.hessian, one.functions, lower, upper, one.penalty)
     if solved is None:
         one.reason = "the quadratic programme was not solved"
@@ -247,31 +269,33 @@ def _quadratic_programme(
     """
     import casadi
 
-    size, count = len(lower), len(functions) - 1
+    free = upper > lower
+    size, count = int(free.sum()), len(functions) - 1
     rows, limits, which = [], [], []
     for k, function in enumerate(functions):
         for row in function.rows:
             for sign in (1.0, -1.0) if function.equal else (1.0,):
                 slack = np.zeros(1 + count)
                 slack[k] = -1.0
-                rows.append(np.r_[sign * row.gradient, slack])
+                rows.append(np.r_[sign * row.gradient[free], slack])
                 limits.append(-sign * row.value)
                 which.append((k, sign))
     matrix, whole = np.array(rows), size + 1 + count
     quadratic = np.zeros((whole, whole))
-    quadratic[:size, :size] = hessian
+    quadratic[:size, :size] = hessian[np.ix_(free, free)]
     sparsity = {"h": casadi.Sparsity.dense(whole, whole), "a": casadi.Sparsity.dense(*matrix.shape)}
     solver = casadi.conic("step", "piqp", sparsity, {"error_on_fail": False, "piqp": PRECISE})
     found = solver(
         h=quadratic,
         g=np.r_[np.zeros(size), 1.0, np.full(count, penalty)],
         a=matrix,
-        lbx=np.r_[lower, -np.inf, np.zeros(count)],
-        ubx=np.r_[upper, np.inf, np.full(count, np.inf)],
+        lbx=np.r_[lower[free], -np.inf, np.zeros(count)],
+        ubx=np.r_[upper[free], np.inf, np.full(count, np.inf)],
         lba=-np.inf,
         uba=np.array(limits),
     )
-    step, multipliers = np.array(found["x"]).ravel()[:size], np.array(found["lam_a"]).ravel()
+    step, multipliers = np.zeros(len(lower)), np.array(found["lam_a"]).ravel()
+    step[free] = np.array(found["x"]).ravel()[:size]
     if not np.isfinite(step).all() or not np.isfinite(multipliers).all():
         return None
     step = np.clip(step, lower, upper)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,12 @@ from bellcrank.studies.optimisation.local_search import (
 )
 from bellcrank.studies.optimisation.optimum import Basin, Optimum
 from bellcrank.studies.optimisation.problem import DesignProblem
-from bellcrank.studies.optimisation.request import Request, plan_search
+from bellcrank.studies.optimisation.request import SAMPLES, STARTS, Request, plan_search
+from bellcrank.studies.optimisation.size_search import SAME_VALUE, Combinations, SizeSearch, all_combinations
 from bellcrank.studies.samples import Sample
 
 Array = NDArray[np.float64]
-SAME_DESIGN, SAME_VALUE = 1e-3, 1e-6  # up to these differences two local optima are one, scaled
+SAME_DESIGN = 1e-3  # up to this difference, scaled, and SAME_VALUE of the objective two local optima are one
 
 
 @arguments.named
@@ -60,10 +62,14 @@ def optimise(
     their neighbours, local searches by sequential quadratic programming follow. The result is the best design found:
     a local optimum, whose first-order conditions are computed. That no better one exists is not proved.
 
+    Where all variables have standard sizes and at most 10,000 combinations, all of them are run, and the result is the
+    best of them. Otherwise combinations are searched by branch and bound, with local searches inside.
+
     Args:
         scene: A scene, or the path or name of a scene file.
         variables: Bounds (lower, upper) by parameter of the scene or dotted path, whatever `sweep` can vary; numbers
-            in SI units, or texts such as "1 deg". None: as the scene says under `optimise`.
+            in SI units, or texts such as "1 deg". Standard sizes are {"sizes": [0.3, 0.31]}, or {"lower": 0.3,
+            "upper": 0.4, "step": "5 mm"}. None: as the scene says under `optimise`.
         minimise: The measure to be made small, one of those of `sweep`, such as "lock.time".
         maximise: The measure to be made large, instead.
         limits: Conditions on measures that the design is to keep: "lock.crank <= 120 deg", with <=, >= or =.
@@ -98,15 +104,22 @@ def optimise(
     asked = Request(variables, minimise, maximise, limits, size, start, samples, starts, seed)
     if threads is not None:
         threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
-    return run_search(*plan_search(scene, asked, threads, progress))
+    problem, asked, begin = plan_search(scene, asked, threads, progress)
+    if len(asked.objectives) > 1:
+        raise InputError(
+            f"optimise {scene.name}: expected one measure to minimise or to maximise, found {asked.several}; "
+            "bellcrank.pareto_front finds the designs between them"
+        )
+    return run_search(problem, asked, begin)
 
 
 def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> Optimum:
     """Search. Raises InputError and BellcrankError as `optimise`."""
-    assert asked.samples is not None and asked.starts is not None
+    count, starts = asked.samples or SAMPLES, asked.starts or STARTS
     gradients = Gradients(problem)
     searches, history, complete = list[Search](), list[tuple[int, float]](), True
     before = np.full(1 + len(problem.limits), np.nan)
+    tree, combinations = None, None
 
     def record() -> None:
         if (row := problem.best(KEPT)) is not None:
@@ -120,22 +133,68 @@ def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> O
         if start is not None:
             _check_start(problem, start, problem.run(start[None]))
             first.append(start)
-        points = Sample(asked.samples, "sobol", asked.seed or 0).points(0, asked.samples, len(problem.variables))
+        points = all_combinations(problem)
+        if all_run := points is not None:
+            asked = replace(asked, samples=0)
+        else:
+            drawn = Sample(count, "sobol", asked.seed or 0)
+            points = problem.at_sizes(drawn.points(0, count, len(problem.variables)))
         values = problem.run(points)
         _refuse_constant(problem, values)
         problem.set_scales(values)
         record()
-        chosen = _starts(problem, points, values, asked.starts)
+        if all_run:
+            combinations = Combinations(len(points), len(points), 0.0, True)
+            return _result(problem, gradients, searches, asked, before, history, complete, combinations)
+        chosen = _starts(problem, points, values, starts)
         begin = np.concatenate([np.array(first).reshape(-1, len(problem.variables)), points[chosen]])
         known = np.concatenate([problem.run(begin[: len(first)]), values[chosen]])
         good = np.isfinite(known).all(axis=1)
-        searches = local_searches(problem, gradients, begin[good], known[good], record)
+        if problem.sizes:
+            tree = SizeSearch(problem, gradients, record)
+            tree.run(begin[good])
+            searches = tree.found
+        else:
+            searches = local_searches(problem, gradients, begin[good], known[good], record)
     except KeyboardInterrupt:
         complete = False
         if problem.best(KEPT) is None:
             raise
         record()
-    return _result(problem, gradients, searches, asked, before, history, complete)
+    if problem.sizes:
+        combinations = Combinations(problem.combinations, 0, math.inf, False) if tree is None else tree.result()
+    return _result(problem, gradients, searches, asked, before, history, complete, combinations)
+
+
+def search_known(problem: DesignProblem, asked: Request, starts: int, before: Array) -> Optimum:
+    """Search from the best of the designs that were run already, whose combinations of sizes were not all run.
+
+    Raises StudyInterrupted on Ctrl-C.
+    """
+    gradients, history = Gradients(problem), list[tuple[int, float]]()
+
+    def record() -> None:
+        if (row := problem.best(KEPT)) is not None:
+            history.append((problem.count, float(np.concatenate(problem.values)[row, 0])))
+
+    record()
+    points, values = np.concatenate(problem.points), np.concatenate(problem.values)
+    inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+    points, values = points[inside], values[inside]
+    chosen, combinations = _starts(problem, points, values, starts), None
+    if problem.sizes:
+        tree = SizeSearch(problem, gradients, record)
+        tree.run(points[chosen])
+        searches, combinations = tree.found, tree.result()
+    else:
+        searches = local_searches(problem, gradients, points[chosen], values[chosen], record)
+    return _result(problem, gradients, searches, asked, before, history, True, combinations)
+
+
+def result_of_known(problem: DesignProblem, asked: Request, before: Array, found: Optimum) -> Optimum:
+    """The best of the designs that were run already: all combinations of sizes, as in a result that was `found`."""
+    combinations, history = found.combinations, found.history
+    return _result(problem, Gradients(problem), (), asked, before, history, found.complete, combinations)
 
 
 def _check_start(problem: DesignProblem, start: Array, values: Array) -> None:
@@ -215,18 +274,23 @@ def _result(
     before: Array,
     history: Sequence[tuple[int, float]],
     complete: bool,
+    combinations: Combinations | None,
 ) -> Optimum:
     row = problem.best(KEPT)
     if row is None:
         raise BellcrankError("none of the designs can be run")
-    best = Search(np.concatenate(problem.points)[row], np.concatenate(problem.values)[row])
+    point = np.concatenate(problem.points)[row]
+    sized = [k in problem.sizes for k in range(len(point))]
+    lower, upper = np.where(sized, point, 0.0), np.where(sized, point, 1.0)
+    best = Search(point, np.concatenate(problem.values)[row], lower, upper)
     merit = {id(one): _merit(problem, one) for one in (best, *searches)}
     if searches:  # of designs that are as good, the end of a search
         least = min(merit.values()) + SAME_VALUE
         ends = [one for one in searches if merit[id(one)] <= least]
         best = min(ends, key=lambda one: math.inf if one.kkt is None else one.kkt.residual, default=best)
-    if best.kkt is None and complete:
+    if best.kkt is None and complete and best.free.any():
         linearise(problem, gradients, [best])
+    alike = [one for one in searches if (one.point[sized] == best.point[sized]).all()]
     return Optimum(
         problem=problem,
         point=best.point,
@@ -235,11 +299,12 @@ def _result(
         kkt=best.kkt,
         reason=best.reason,
         blocked=best.blocked,
-        basins=_basins(problem, searches),
-        searches=len(searches),
+        basins=_basins(problem, alike),
+        searches=len(alike),
         exact=gradients.exact,
         samples=asked.samples or 0,
         seed=asked.seed or 0,
         history=tuple(history),
         complete=complete,
+        combinations=combinations,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.studies.optimisation.problem import DesignProblem
+    from bellcrank.studies.optimisation.size_search import Combinations
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ class Optimum:
         seed: Of the Sobol points.
         history: The number of designs that were run, and the best objective so far.
         complete: False after Ctrl-C.
+        combinations: How the combinations of standard sizes were searched; None where no variable has sizes.
 
     Example:
         >>> import bellcrank as bc
@@ -83,6 +85,7 @@ class Optimum:
     seed: int
     history: tuple[tuple[int, float], ...] = field(repr=False)
     complete: bool
+    combinations: Combinations | None = None
 
     def __repr__(self) -> str:
         return f"Optimum('{self.problem.scene.name}': {self.problem.measure_of(0, self.objective)}, {self.status})"
@@ -114,14 +117,20 @@ class Optimum:
     def residual(self) -> float:
         """The scaled residual of the first-order (Karush-Kuhn-Tucker) conditions; infinite where it is not known.
 
-        Its unit is the spread of the objective over the sample per width between the bounds of a variable.
+        Its unit is the spread of the objective over the sample per width between the bounds of a variable. Variables
+        with sizes are fixed in these conditions; where all have some, it is 0.
         """
+        if len(self.problem.sizes) == len(self.problem.variables):
+            return 0.0
         return math.inf if self.kkt is None else self.kkt.residual
 
     @property
     def converged(self) -> bool:
-        """Whether it is a local optimum: the limits are kept, and the residual is at most 1e-6."""
-        return self.complete and self.keeps_limits and self.residual <= CONVERGED
+        """Whether it is a local optimum: the limits are kept, the residual is at most 1e-6, and each combination of
+        sizes was tried or excluded.
+        """
+        searched = self.combinations is None or self.combinations.complete
+        return self.complete and self.keeps_limits and self.residual <= CONVERGED and searched
 
     @property
     def status(self) -> str:
@@ -130,6 +139,10 @@ class Optimum:
             return "the best design so far"
         if not self.keeps_limits:
             return "no design that keeps the limits was found"
+        if self.combinations is not None and self.combinations.proved:
+            return f"the best of all {self.combinations.count} combinations of sizes"
+        if self.converged and len(self.problem.sizes) == len(self.problem.variables):
+            return "the best combination of sizes found"
         return "a local optimum" if self.converged else "the best design found, no local optimum"
 
     @property
@@ -163,7 +176,7 @@ class Optimum:
             if str(limit) in self.active_limits:
                 found[str(limit)] = float(-scale * side * self.kkt.limits[k] / problem.scales[1 + k])
         for variable, force in zip(problem.variables, self.kkt.bounds.tolist(), strict=True):
-            if side_of := self.at_bounds.get(variable.axis.path):
+            if (side_of := self.at_bounds.get(variable.axis.path)) and not variable.sizes:
                 found[f"{variable.axis.path} {side_of}"] = -scale * force / variable.width
         return {name: value + 0.0 for name, value in found.items()}
 
@@ -183,7 +196,7 @@ class Optimum:
                 said.append(
                     Note(f"the limit {limit} is broken: {self.problem.measure_of(1 + k, self.found[1 + k])}", "changes")
                 )
-        if self.complete and self.keeps_limits and not self.converged:
+        if self.complete and self.keeps_limits and self.residual > CONVERGED:
             value = f"{self.residual:.1e}" if math.isfinite(self.residual) else "not known"
             why = f" ({self.reason})" if self.reason else ""
             said.append(
@@ -193,7 +206,9 @@ class Optimum:
             said.append(Note(f"the search ended beside designs that cannot be run: {self.blocked}", "changes"))
         for name, side in self.at_bounds.items():
             said.append(Note(f"'{name}' is at its {side} bound: wider bounds may allow a better design"))
-        if self.converged:
+        if self.combinations is not None:
+            said += self._size_notes(self.combinations)
+        elif self.converged:
             more = f"{len(self.basins)} local optima were found" if len(self.basins) != 1 else "no other was found"
             said.append(Note(f"it is a local optimum; {more}, and it is not proved that there is no better one"))
         if isinstance(problem.runner, SizingRunner):
@@ -203,6 +218,22 @@ class Optimum:
                     Note(f"the best design exceeds a rating that is no limit here: {columns.reasons[0]}", "changes")
                 )
         return ranked(said)
+
+    def _size_notes(self, combinations: Combinations) -> list[Note]:
+        if combinations.proved:
+            failed = len(self.problem.reasons)
+            none = f"; {failed} designs cannot be run" if failed else ""
+            return [Note(f"each of the {combinations.count} combinations of sizes was run: no other is better{none}")]
+        if not combinations.complete:
+            return [
+                Note("the search did not try or exclude each combination of sizes: another may be better", "changes")
+            ]
+        return [
+            Note(
+                f"{combinations.tried} of {combinations.count} combinations of sizes were tried; local searches with "
+                "sizes in between excluded the others, which is no proof that none is better"
+            )
+        ]
 
     # ---- the scene
 
@@ -299,6 +330,7 @@ class Optimum:
             "gradients": self.gradients,
             "basins": [{"objective": it.objective, "found": it.found, "values": list(it.values)} for it in self.basins],
             "searches": self.searches,
+            "combinations": None if (it := self.combinations) is None else asdict(it) | {"gap": known(it.gap)},
             "samples": self.samples,
             "seed": self.seed,
             "designs": self.problem.count,

@@ -6,14 +6,16 @@ whose run does not reach its target, is infeasible: its numbers are NaN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.cached_values import cached_property
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number
 from bellcrank.notes import Note
@@ -31,11 +33,15 @@ BLOCK = 4096  # designs of one call of the runner
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A number that is varied, with its bounds in the unit of its axis."""
+    """A number that is varied, with its bounds in the unit of its axis.
+
+    With `sizes`, which rise, it is one of them; the bounds are the smallest and the largest.
+    """
 
     axis: Axis
     lower: float
     upper: float
+    sizes: tuple[float, ...] = ()
 
     @property
     def width(self) -> float:
@@ -57,7 +63,9 @@ class DesignProblem:
         threads: How many threads run designs.
         progress: Called with the number of designs that were run.
         notes: On the scene.
-        scales: Of the objective and of each limit: the spread of their measures over the sample.
+        scales: Of the objective and of each limit: the spread of their measures over the sample, and larger where a
+            limit is far away.
+        spreads: These spreads.
         points: The designs that were run, from 0 to 1, (n, variables).
         values: Objective, then the measures of the limits (n, 1 + limits); NaN where infeasible.
         reasons: Why designs are infeasible, by row.
@@ -73,12 +81,21 @@ class DesignProblem:
     progress: Callable[[int], object]
     notes: tuple[Note, ...] = ()
     scales: Array = field(init=False)
+    spreads: Array = field(init=False)
     points: list[Array] = field(default_factory=list)
     values: list[Array] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.scales = np.ones(1 + len(self.limits))
+        self.scales = self.spreads = np.ones(1 + len(self.limits))
+
+    def reframed(self, measure: str, sign: float, limits: tuple[Limit, ...]) -> DesignProblem:
+        """The same designs with another objective and limits, whose measures are among those of this problem."""
+        found = replace(self, measure=measure, sign=sign, limits=limits, points=list(self.points))
+        order = [self.measures.index(name) for name in found.measures]
+        found.values, found.reasons = [values[:, order] for values in self.values], dict(self.reasons)
+        found._set_spreads(self.spreads[order])
+        return found
 
     @property
     def measures(self) -> tuple[str, ...]:
@@ -100,9 +117,13 @@ class DesignProblem:
         return sum(map(len, self.points))
 
     def numbers(self, points: Array) -> Array:
-        """Values (n, variables) in the units of the axes, of points from 0 to 1."""
+        """Values (n, variables) in the units of the axes, of points from 0 to 1; sizes are exactly those given."""
         lower, upper = (np.array([getattr(one, name) for one in self.variables]) for name in ("lower", "upper"))
-        return np.asarray(np.where(points == 1.0, upper, lower + points * (upper - lower)))
+        found = np.asarray(np.where(points == 1.0, upper, lower + points * (upper - lower)))
+        for k, sizes in self.sizes.items():
+            rows, places = np.nonzero(points[:, k, None] == sizes)
+            found[rows, k] = np.array(self.variables[k].sizes)[places]
+        return found
 
     def point(self, numbers: Sequence[float]) -> Array:
         """The point (variables,) of values in the units of the axes."""
@@ -127,6 +148,29 @@ class DesignProblem:
                 return None
             numbers.append(split[0])
         return self.point(numbers)
+
+    # ---- standard sizes
+
+    @cached_property
+    def sizes(self) -> dict[int, Array]:
+        """The sizes (n,) from 0 to 1 of each variable that has some, by its number."""
+        return {k: (np.array(one.sizes) - one.lower) / one.width for k, one in enumerate(self.variables) if one.sizes}
+
+    @property
+    def combinations(self) -> int:
+        """How many combinations of sizes there are; 1 where no variable has sizes."""
+        return math.prod(map(len, self.sizes.values()))
+
+    def at_sizes(self, points: Array) -> Array:
+        """Points (n, variables) with each variable that has sizes at the nearest of them."""
+        found = points.copy()
+        for k, sizes in self.sizes.items():
+            found[:, k] = sizes[np.abs(points[:, k, None] - sizes).argmin(axis=1)]
+        return found
+
+    def within(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (n, variables) are designs that were asked for: within the bounds, and at sizes."""
+        return np.asarray(((points >= 0.0) & (points <= 1.0) & (self.at_sizes(points) == points)).all(axis=1))
 
     def run(self, points: Array) -> Array:
         """Objective and measures of limits (n, 1 + limits) of designs; NaN where infeasible.
@@ -169,12 +213,17 @@ class DesignProblem:
 
     def set_scales(self, values: Array) -> None:
         """Take the spread of the measures over a sample (n, 1 + limits) as their scales."""
+        spreads = np.ones(values.shape[1])
         for k, column in enumerate(values.T):
             known = column[np.isfinite(column)]
             spread = float(np.subtract(*np.quantile(known, [0.9, 0.1]))) if len(known) else 0.0
-            self.scales[k] = spread if spread > 0.0 else max(abs(float(known[0])) if len(known) else 1.0, 1e-12)
-            if k:  # so that the excess of a limit that is far away does not overflow
-                self.scales[k] = max(self.scales[k], 1e-9 * abs(self.limits[k - 1].value))
+            spreads[k] = spread if spread > 0.0 else max(abs(float(known[0])) if len(known) else 1.0, 1e-12)
+        self._set_spreads(spreads)
+
+    def _set_spreads(self, spreads: Array) -> None:
+        self.spreads, self.scales = spreads, spreads.copy()
+        for k, limit in enumerate(self.limits):  # so that the excess of a limit that is far away does not overflow
+            self.scales[1 + k] = max(spreads[1 + k], 1e-9 * abs(limit.value))
 
     def objective(self, values: Array) -> Array:
         """The scaled objective (n,), to be made small."""
@@ -198,14 +247,13 @@ class DesignProblem:
         return np.asarray(np.where(np.isfinite(values).all(axis=1), total, np.inf))
 
     def best(self, tolerance: float) -> int | None:
-        """The row of the best design within the bounds: of those that keep the limits, else the one that breaks them
-        least; None where none can be run. The scene's own design may be outside.
+        """The row of the best design within the bounds and at sizes: of those that keep the limits, else the one that
+        breaks them least; None where none can be run. The scene's own design may be outside.
         """
         if not self.count:
             return None
         points, values = np.concatenate(self.points), np.concatenate(self.values)
-        within = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
-        broken = np.where(within, self.violation(values), np.inf)
+        broken = np.where(self.within(points), self.violation(values), np.inf)
         if not np.isfinite(broken).any():
             return None
         broken[broken <= tolerance] = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,33 +13,45 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_STARTS
+from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.axes import Axis, read_axis
+from bellcrank.studies.axes import MOST_VALUES, Axis, read_axis
 from bellcrank.studies.design_space import MOST_DIMENSIONS
-from bellcrank.studies.exceedance import parse_limit
+from bellcrank.studies.exceedance import Limit, parse_limit
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.problem import DesignProblem, Variable
+from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combinations
 from bellcrank.studies.samples import LARGEST_SEED
 from bellcrank.studies.sweep_plan import SweepPlan, plan_sizings, plan_sweep
 
 Array = NDArray[np.float64]
-SAMPLES, STARTS = 256, 8
+SAMPLES, STARTS, POINTS = 256, 8, 9
+FAR = 1e30  # a limit that no design comes near
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked for; what is None is as the scene's entry `optimise` says."""
+    """What is asked for; what is None is as the scene's entry `optimise` says.
+
+    Once it is completed, `objectives` are the measures with 1 where they are to be small, −1 where large.
+    """
 
     variables: Mapping[str, Any] | None = None
-    minimise: str | None = None
-    maximise: str | None = None
+    minimise: str | Sequence[str] | None = None
+    maximise: str | Sequence[str] | None = None
     limits: Sequence[str] | None = None
     size: bool | None = None
     start: Mapping[str, Any] | None = None
     samples: int | None = None
     starts: int | None = None
     seed: int | None = None
+    points: int | None = None
+    objectives: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def several(self) -> str:
+        """The objectives in words."""
+        return ", ".join(name for name, _ in self.objectives)
 
 
 def plan_search(
@@ -46,26 +59,35 @@ def plan_search(
 ) -> tuple[DesignProblem, Request, Array | None]:
     """What is looked for, the request with all its numbers, and the start (variables,) that is asked for.
 
+    Of several objectives the first is that of the problem; the others are among its limits, without effect as yet.
     Raises InputError.
     """
     asked = _completed(scene, asked)
     assert asked.variables is not None and asked.limits is not None
     plan = _planned(scene, asked.variables, sized=bool(asked.size))
     units = plan.runner.units
-    for name, measure in (("minimise", asked.minimise), ("maximise", asked.maximise)):
-        if measure is not None and measure not in units:
+    for measure, sign in asked.objectives:
+        if measure not in units:
+            name = "minimise" if sign > 0.0 else "maximise"
             raise InputError(f"optimise {scene.name}: {name}: {unknown_name('measure', measure, units)}")
+    limits = tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits)
     problem = DesignProblem(
         plan.runner.scene,  # type: ignore[attr-defined]
         plan.runner,
-        tuple(_variable(scene, axis) for axis in plan.runner.axes),  # type: ignore[attr-defined]
-        asked.minimise or asked.maximise or "",
-        1.0 if asked.minimise else -1.0,
-        tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits),
+        tuple(_variable(scene, axis, asked.variables[axis.path]) for axis in plan.runner.axes),  # type: ignore[attr-defined]
+        *asked.objectives[0],
+        (*limits, *(level(name, sign, sign * FAR, units) for name, sign in asked.objectives[1:])),
         LocalExecutor(threads).threads,
         progress or (lambda done: None),
         plan.notes,
     )
+    if (whole := [one.axis.path for one in problem.variables if one.axis.whole and one.sizes]) and (
+        all_combinations(problem) is None
+    ):
+        raise InputError(
+            f"optimise {scene.name}: '{whole[0]}' takes whole numbers only, so that all combinations have to be run: "
+            f"give sizes of all variables, with at most {MOST_RUN} combinations"
+        )
     return problem, asked, None if asked.start is None else _start(problem, asked.start)
 
 
@@ -77,28 +99,45 @@ def _completed(scene: Scene, asked: Request) -> Request:
     variables = arguments.mapping("variables", variables, "a mapping of parameters to their bounds (lower, upper)")
     if not variables:
         raise InputError(f"{where}: nothing is varied; give bounds of parameters, or write optimise: {{vary: …}}")
-    minimise, maximise = asked.minimise, asked.maximise
-    for name, value in (("minimise", minimise), ("maximise", maximise)):
-        if value is not None:
-            arguments.text(name, value, "the name of a measure, such as 'lock.time'")
-    if minimise is None and maximise is None:
-        minimise, maximise = entry.minimise, entry.maximise
-    if (minimise is None) == (maximise is None):
-        found = "neither" if minimise is None else "both"
-        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {found}")
+    objectives = _objectives(where, asked, entry)
     limits = entry.limits if asked.limits is None else asked.limits
     limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
     size = entry.size if asked.size is None else arguments.flag("size", asked.size)
     counts: dict[str, Any] = {}
     for name, default, least, most in (
         ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
+        ("points", POINTS, 2, MOST_POINTS),
     ):  # fmt: skip
         given, written = getattr(asked, name), getattr(entry, name)
         number = given if given is not None else default if written is None else written
         counts[name] = arguments.whole(name, number, least=least, most=most)
-    return replace(
-        asked, variables=variables, minimise=minimise, maximise=maximise, limits=limits, size=bool(size), **counts
-    )
+    return replace(asked, variables=variables, objectives=objectives, limits=limits, size=bool(size), **counts)
+
+
+def level(measure: str, sign: float, value: float, units: Mapping[str, str]) -> Limit:
+    """The limit that keeps an objective at least as good as a value."""
+    return Limit(measure, "<=" if sign > 0.0 else ">=", value, units[measure])
+
+
+def _objectives(where: str, asked: Request, entry: OptimiseEntry) -> tuple[tuple[str, float], ...]:
+    """The measures to be made small (1) and large (−1). Raises InputError."""
+    given: dict[str, Sequence[str]] = {}
+    for name, value in (("minimise", asked.minimise), ("maximise", asked.maximise)):
+        if value is not None:
+            what = "the name of a measure, such as 'lock.time'"
+            given[name] = arguments.several(name, value, str, what, alone=True)
+    if not given:
+        given = {"minimise": entry.minimise, "maximise": entry.maximise}
+    found = [
+        (measure, sign) for name, sign in (("minimise", 1.0), ("maximise", -1.0)) for measure in given.get(name, ())
+    ]
+    names = [measure for measure, _ in found]
+    if not found or set(given.get("minimise", ())) & set(given.get("maximise", ())):
+        seen = "neither" if not found else "both"
+        raise InputError(f"{where}: expected a measure to minimise or one to maximise, found {seen}")
+    if len(set(names)) < len(names):
+        raise InputError(f"{where}: expected each objective once, found {', '.join(names)}")
+    return tuple(found)
 
 
 def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPlan:
@@ -108,9 +147,19 @@ def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPla
     pairs = {}
     for path, bounds in given.items():
         several = isinstance(bounds, (list, tuple, np.ndarray)) and not arguments.is_masked(bounds)
-        if not several or len(bounds) != 2:
-            raise InputError(f"optimise {scene.name}: '{path}': expected two bounds, found {arguments.found(bounds)}")
-        pairs[path] = list(bounds)
+        if isinstance(bounds, Mapping):
+            try:
+                lists = {key: list(it) if isinstance(it, np.ndarray) and it.ndim else it for key, it in bounds.items()}
+                pairs[path] = sizes_as_written(lists)
+            except ValueError as error:
+                raise InputError(f"optimise {scene.name}: '{path}': {error}") from None
+        elif several and len(bounds) == 2:
+            pairs[path] = list(bounds)
+        else:
+            raise InputError(
+                f"optimise {scene.name}: '{path}': expected two bounds, or standard sizes such as "
+                f"{{'sizes': [0.3, 0.31]}}, found {arguments.found(bounds)}"
+            )
     try:
         return (plan_sizings if sized else plan_sweep)(scene, pairs, None)
     except InputError as error:
@@ -123,16 +172,36 @@ def _renamed(error: InputError, where: str) -> InputError:
     return InputError(text.replace("argument 'vary[\"", f"{where} '").replace("\"]'", "'"))
 
 
-def _variable(scene: Scene, axis: Axis) -> Variable:
-    """An axis with two values as a variable. Raises InputError."""
+def _variable(scene: Scene, axis: Axis, given: Any) -> Variable:
+    """An axis with its bounds or sizes, as they are given, as a variable. Raises InputError."""
     where = f"optimise {scene.name}: '{axis.path}'"
     if not axis.numeric:
-        raise InputError(f"{where}: expected two bounds in one unit, found {format_value(list(axis.choices))}")
-    lower, upper = map(float, axis.numbers)
+        what = "numbers" if isinstance(given, Mapping) else "two bounds"
+        raise InputError(f"{where}: expected {what} in one unit, found {format_value(list(axis.choices))}")
+    if isinstance(given, Mapping) and "sizes" in given:
+        sizes = sorted(map(float, axis.numbers))
+        if len(set(sizes)) < max(len(sizes), 2):
+            raise InputError(
+                f"{where}: expected two sizes or more that differ, found {arguments.found(given['sizes'])}"
+            )
+        return Variable(axis, sizes[0], sizes[-1], tuple(sizes))
+    lower, upper = map(float, axis.numbers[:2])
     if not lower < upper:
         found = f"{lower:g} and {upper:g} {axis.unit}".rstrip()
         raise InputError(f"{where}: expected the lower bound below the upper, found {found}")
-    return Variable(axis, lower, upper)
+    return Variable(axis, lower, upper, _stepped(where, axis) if isinstance(given, Mapping) else ())
+
+
+def _stepped(where: str, axis: Axis) -> tuple[float, ...]:
+    """The sizes from a lower to an upper bound in steps. Raises InputError."""
+    lower, upper, step = map(float, axis.numbers)
+    steps = (upper - lower) / step if step > 0.0 else math.nan
+    if not 0.5 <= steps < MOST_VALUES or abs(steps - round(steps)) > 1e-6:
+        raise InputError(
+            f"{where}: expected a step of which a whole number, less than {MOST_VALUES}, is {upper - lower:g} "
+            f"{axis.unit}, found {step:g} {axis.unit}"
+        )
+    return (*(float(f"{lower + k * step:.12g}") for k in range(round(steps))), upper)
 
 
 def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
@@ -160,5 +229,7 @@ def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
                 f"start: '{path}' is {number:g} {axis.unit}, outside its bounds {variable.lower:g} to "
                 f"{variable.upper:g} {axis.unit}"
             )
+        if variable.sizes and number not in variable.sizes:
+            raise InputError(f"start: '{path}' is {number:g} {axis.unit}, which is none of its sizes")
         numbers.append(number)
     return problem.point(numbers)
