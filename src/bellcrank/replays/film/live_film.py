@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator import Actuator
 from bellcrank.files import bundled_data
 from bellcrank.motion.motion import Motion
 from bellcrank.scene.robot_config import RobotConfig
@@ -22,7 +21,7 @@ from bellcrank.sizing.tables import verdict
 
 Array = NDArray[np.float64]
 NOT_RECOMPUTED = (
-    "holding torques", "bearing forces and tilting moments", "inertia ratios", "powers and energies",
+    "holding torques", "bearing forces and tilting moments", "temperatures of motors", "powers and energies",
     "whether the rows of a motion determine its peaks", "notes and warnings",
 )  # fmt: skip
 
@@ -79,7 +78,7 @@ def _unjudged(sizing: Sizing) -> list[str]:
         for motion in sizing.inputs.motions
         if motion.interpolated.any()
     ]
-    return [*rows, *(f"all axes together: {one.name}" for one in sizing.system)]
+    return [*rows, *(f"all axes together: {one.name}" for one in sizing.system if one.verdict != "note")]
 
 
 def _columns(states: Array) -> Array:
@@ -117,7 +116,6 @@ def _joint(joint: JointSizing) -> dict[str, Any]:
         "speed_unit": joint.speed_unit,
         "motor": actuator is not None,
         "at_shaft": actuator is not None and not actuator.unknown_of_torque,
-        "computed": actuator is None or type(actuator) is Actuator or bool(actuator.unknown_of_torque),
     }
 
 

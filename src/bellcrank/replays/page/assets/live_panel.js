@@ -53,13 +53,13 @@ function makeLivePanel(panel, state) {
     for (const field of fields) field.show();
     const { figures } = state.result;
     rows.forEach(({ cells, use }, joint) => {
-      const { torque_unit: unit, speed_unit: speed, motor } = live.joints[joint];
+      const { torque_unit: unit, speed_unit: speed, motor, at_shaft: atShaft } = live.joints[joint];
       const units = [unit, unit, speed, "N m", "N m"];
       cells.forEach((cell, kind) => {
-        const known = kind < 3 || (motor && live.joints[joint].computed);
+        const known = kind < 3 || atShaft;
         const own = figures.slice(kind * rows.length, (kind + 1) * rows.length);
         const value = own[joint] < NOISE * largest(own) ? 0 : own[joint];
-        cell.textContent = known ? `${formatNumber(value)} ${units[kind]}` : motor ? "not recomputed" : "–";
+        cell.textContent = known ? `${formatNumber(value)} ${units[kind]}` : motor ? "not known" : "–";
       });
       const largestOf = largestUse(state, joint);
       use.replaceChildren(...useBar(largestOf));
