@@ -423,6 +423,20 @@ class TestHandling:
 
 
 @pytest.mark.tier2
+def test_report_of_a_sizing_computes_and_says_what_it_does_not_change(open_page, tmp_path):
+    page = open_page(bc.report(bc.size("ur5"), tmp_path / "report.html"), size=(1280, 800), script=NO_VIEW)
+    assert "changed" not in page.do("document.body.className")
+    page.do("b.live.set([[0, 9]])")
+    assert page.do("b.live.verdict.word") == "Exceeded"
+    assert "are those of the sizing, without these changes" in page.tab.locator("#live-bar").inner_text()
+    opacity = "Number(getComputedStyle(document.querySelector('section.verdict:not(.live-verdict)')).opacity)"
+    assert page.do(opacity) < 0.6  # its "OK" is that of the sizing
+    page.do("b.live.reset()")
+    assert page.do(opacity) == 1 and "changed" not in page.do("document.body.className")
+    assert page.clean
+
+
+@pytest.mark.tier2
 def test_hostile_names_run_no_script(open_page, tmp_path):
     """Names of joints, frames and motions are text, on the page, in the address, and in the copied command."""
     hostile = '<img src=x onerror="window.hacked=1">\';$(touch hacked)`'
@@ -451,6 +465,10 @@ def test_static_pages_are_written_where_asked(tmp_path):
     static = bc.replay(sizing, tmp_path / "static.html", live=False).read_text()
     over = bc.replay(sizing, tmp_path / "over.html", over=sizing).read_text()
     assert '"live":null' in static and '"live":null' in over
+    assert main(["size", "geared_pendulum", "--live", "--out", str(tmp_path / "none")]) == 2  # without --page
+    folder = tmp_path / "out"
+    assert main(["size", "geared_pendulum", "--static", "--no-plots", "--out", str(folder), "--page"]) == 0
+    assert '"live":null' in (folder / "report.html").read_text()
     assert main(["replay", "geared_pendulum", "--static", "--out", str(tmp_path / "page.html")]) == 0
     assert '"live":null' in (tmp_path / "page.html").read_text()
     assert (

@@ -74,6 +74,7 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
     film.traces.forEach((trace, k) => { trace.segments = original.traces[k].map((segment) => ({ ...segment, time: map(segment.time) })); });
     film.arrows.forEach((arrow, k) => { arrow.time = map(original.arrows[k]); });
     const changed = state.changed.length > 0;
+    document.body.classList.toggle("changed", changed);
     const kept = original.events.filter(({ text }) => !changed || /^motion .* begins$/s.test(text));
     film.events.splice(0, film.events.length, ...kept.map((event) => ({ ...event, time: times.at(event.time) })));
     showArrows(changed);

@@ -132,6 +132,9 @@ function makeChangeBar(state) {
     element("span", { className: "acts" }, undo, button("Reset", "All values as in the sizing", () => state.reset()),
       button("Copy command", "The command that gives the same answer", () => offer(commandOf(state))),
       button("Copy YAML", "The changes as a mapping of paths", () => offer(yamlOf(state)))), text);
+  if (document.body.classList.contains("report")) {
+    box.append(element("p", { textContent: "The verdict, tables and pictures of this report are those of the sizing, without these changes." }));
+  }
   for (const kind of ["keydown", "click"]) box.addEventListener(kind, (event) => event.stopPropagation());
   return {
     box,
