@@ -331,6 +331,22 @@ class _Settings:
                         entry=f"{one.name}/{kind}",
                     ),
                 )
+        most = float(np.linalg.norm(robot.gravity)) or 9.81
+        for axis, value, entry in zip(ORIGIN[:3], robot.gravity.tolist(), "123", strict=True):
+            self._add(
+                "gravity",
+                axis,
+                Setting(
+                    group="gravity (tilt of the base)",
+                    name=axis,
+                    unit="m/s²",
+                    value=value,
+                    range=(-most, most),
+                    least=-math.inf,
+                    path="" if config is None else "gravity",
+                    entry=entry,
+                ),
+            )
 
     def _add(self, kind: str, name: str, made: Setting) -> None:
         self._places[kind, name] = len(self.all)
@@ -376,6 +392,8 @@ def _torques(
     a = casadi.SX.sym("a", robot.nv)
     rotor = np.array([robot.rotor_inertia[joint.v] if joint.name in actuated else 0.0 for joint in robot.joints])
     need = symbols.inverse_dynamics(symbols.q, symbols.v, a) - casadi.DM(rotor) * a
+    gravity = casadi.SX.sym("gravity", 3)
+    need += symbols.holding_force(symbols.q, gravity - casadi.DM(robot.gravity))
     columns = [joint.v for joint in mechanism.motors]
     rotors = np.zeros(robot.nv)
     rotors[columns] = robot.rotor_inertia[columns]
@@ -398,16 +416,17 @@ def _torques(
         torque, inertia = need[columns], casadi.diag(mass)[columns]
     if casadi.depends_on(torque, symbols.t):
         return None
-    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, *coefficients]
+    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, gravity, *coefficients]
     function = casadi.Function("torques", inputs, [torque, inertia])
     values = casadi.vertcat(
         casadi.SX(0, 1), *(one.value for one in own.values()), *(p[place] for place in settings.targets.values())
     )
+    down = casadi.vertcat(*(p[settings.place("gravity", axis)] for axis in ORIGIN[:3]))
     friction = [
         casadi.vertcat(*(settings.symbol(p, kind, joint.name, float(stated[joint.v])) for joint in robot.joints))
         for kind, stated in (("viscous", robot.viscous), ("coulomb", robot.coulomb))
     ]
-    return cast("tuple[casadi.SX, casadi.SX]", function(*states, values, 0.0, *friction))
+    return cast("tuple[casadi.SX, casadi.SX]", function(*states, values, 0.0, down, *friction))
 
 
 def _parameter(robot: Robot, target: str) -> Parameter:
