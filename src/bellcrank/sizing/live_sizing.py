@@ -2,11 +2,11 @@
 
 Two functions say all that the page computes; it only sums and compares what they return along the motions:
 
-    sample   (begin, end, place, speed, p) -> shown, sizes, rates
+    sample   (begin, end, place, side, speed, p) -> shown, sizes, rates
     verdict  (largest sizes, means of rates, p) -> figures, uses, exceeded
 
-`sample` takes a quintic of a motion (live_motion.py); the place in it: the share, how long the quintic lasts, and the
-share at the middle of the piece, where the joints' directions are read; the factor on the motion's speed; and the
+`sample` takes a quintic of a motion (live_motion.py); the place in it: the share, and how long the quintic lasts; the
+signs of the joints' speeds in the piece; the factor on the motion's speed; and the
 settings p. It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
 principle of virtual power (dynamics/motor_shares.py); live_criteria.py gives the torques at the motors' shafts, and the
 criteria of motors and gears, which `verdict` ends. Tests compare both with
@@ -118,9 +118,9 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
     settings = _Settings(sizing)
     n, k = mechanism.robot.nv, len(mechanism.motors)
     p, speed = casadi.SX.sym("p", len(settings.all)), casadi.SX.sym("speed")
-    begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 3)))
+    begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 2)))
+    side = casadi.SX.sym("side", n)
     q, v, a = _states(begin, end, place[1], place[0])
-    middle = _states(begin, end, place[1], place[2])[1]
     v, a = speed * v, speed**2 * a
     columns = [joint.v for joint in mechanism.motors]
     found = _torques(mechanism, actuators.keys(), settings, p, (q, v, a))
@@ -128,9 +128,7 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
         return "forces of the scene depend on time"
     torque, inertia = found
     speed_of, acceleration_of = v[columns], a[columns]
-    rest = casadi.fabs(middle[columns]) <= STILL
-    side = casadi.if_else(rest, 0.0, ONE_SIDE * casadi.sign(middle[columns]))
-    sided = casadi.if_else(casadi.fabs(speed_of) <= STILL, side, speed_of)
+    sided = casadi.if_else(casadi.fabs(speed_of) <= STILL, ONE_SIDE * side[columns], speed_of)
     drives = [_drive(joint, settings, p) for joint in sizing.joints]
     shown, sizes = [torque, v, a], [torque, -torque, casadi.fabs(sided)]
     rates, shafts, turns = [torque**2, casadi.fabs(sided)], [], []
@@ -177,7 +175,7 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
     picked = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((largest, means), kept, strict=True)]
     sample = casadi.Function(
         "sample",
-        [begin, end, place, speed, p],
+        [begin, end, place, side, speed, p],
         [casadi.densify(each) for each in (casadi.vertcat(*shown), *picked)],
     )
     inputs = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((most, mean), kept, strict=True)]

@@ -33,7 +33,8 @@ class LiveFilm:
     Attributes:
         content: What is written as JSON.
         blocks: The two modules, then the 64-bit numbers of all motions in planes of bytes: times and lengths of the
-            quintics, states at their begin and end column after column, cuts into pieces, states at rest.
+            quintics, states at their begin and end column after column, cuts into pieces, signs of speeds in them,
+            states at rest.
     """
 
     content: dict[str, Any]
@@ -49,7 +50,7 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
     motions = sizing.inputs.motions
     pieces = [motion_pieces(motion) for motion in motions]
     numbers = [
-        np.concatenate([each.ravel() for each in (one.time, one.length, _columns(one.states), one.cuts, one.rests)])
+        np.concatenate([each.ravel() for each in (*one[:2], _columns(one.states), one.cuts, one.sides, one.rests)])
         for one in pieces
     ]
     content = {
