@@ -399,7 +399,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "show": (bc.show, {"source": motion, "robot": robot, "trace": ["tip"], "detail": "reduced", "title": None,
                            "plots": False, "trust": []}),
         "report": (bc.report, {"source": swept, "path": "report.html", "over": None, "trace": ["P1"],
-                               "detail": "reduced", "title": None, "trust": [], "measures": ["end.time"],
+                               "detail": "reduced", "title": None, "live": None, "trust": [], "measures": ["end.time"],
                                "limits": []}),
         "wait_for_optimised_code": (bc.wait_for_optimised_code, {"seconds": 600.0}),
         "check_urdf": (bc.check_urdf, {"path": "planar_2r", "trust": ["."]}),

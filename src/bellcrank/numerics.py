@@ -27,6 +27,11 @@ def checked(array: Array, what: str) -> Array:
     return array
 
 
+def floats(value: Any) -> Array:
+    """Numbers as an array of floats; arrays of expressions, which answer NumPy's functions, stay what they are."""
+    return value if hasattr(value, "__array_function__") else np.asarray(value, dtype=np.float64)
+
+
 def least_squares(matrix: Array, right: Array, what: str, rcond: float | None = None) -> Array:
     """The least x (n,) or (n, k) with the least |matrix x − right|; matrix (m, n). InputError where not finite."""
     checked(matrix, what), checked(right, what)

@@ -14,6 +14,7 @@ from page_series import decoded, value_at
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
+from bellcrank.sizing.one_sided import STILL, Sides
 
 LINK = (
     '<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0.01" iyy="0.02" izz="0.03" '
@@ -404,3 +405,29 @@ def test_a_drive_that_follows_another_motion_than_the_one_that_is_sized_is_said(
     )
     assert [text for text in bc.size(path, "slow").warnings if "constraint 'lift'" in text and "'press'" in text]
     assert not [text for text in bc.size(path, "press").warnings if "prescribes" in text]
+
+
+def test_a_joint_that_sets_off_softly_has_a_direction_from_the_start_and_one_with_rounding_in_a_dwell_rests() -> None:
+    edges = np.linspace(0.0, 1.0, 201)
+    end = np.minimum(edges[1:], 0.5)  # from 0.5 s on it dwells
+    speed = end**2 * (0.5 - np.minimum(edges[:-1], 0.5)) ** 5  # below 1e-9 for the last 8 ms before that
+    noise = 3e-13 * np.random.default_rng(0).uniform(-1.0, 1.0, 200)
+    velocity = np.where(edges[1:] <= 0.5, speed, noise)[:, None]
+    sides = Sides.of(0.0, edges[1:], np.arange(200), velocity)
+    assert (np.abs(velocity[:100]) < STILL).any()
+    assert (sides.velocity[:100, 0] > 0.0).all() and (sides.velocity[102:, 0] == 0.0).all()
+    backwards = Sides.of(0.0, edges[1:], np.arange(200), velocity[::-1])
+    np.testing.assert_array_equal(backwards.velocity, sides.velocity[::-1])
+
+
+def test_rms_torques_do_not_depend_on_the_speed_below_which_signs_are_rounding(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of Panda's circle, whose joint 6 sets off as t^5; signs of all speeds but 0 are the independent answer."""
+    friction = {f"panda_joint{k}": {"coulomb": 1.0} for k in range(1, 8)}
+    found = []
+    for still in (STILL, 1e-18):
+        monkeypatch.setattr("bellcrank.sizing.one_sided.STILL", still)
+        sizing = bc.size("panda", ["circle"], overrides={"friction": friction})
+        found.append([joint.shaft.rms_torque for joint in sizing.joints if joint.shaft])
+    np.testing.assert_allclose(*found, rtol=1e-8)

@@ -30,6 +30,7 @@ from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque
 from bellcrank.actuators.motor import UNSTATED_REFERENCE, Motor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.numerics import floats
 
 SOURCES = ("unknown", "printed curve", "thermal limit", "nominal torque")
 
@@ -67,7 +68,7 @@ def continuous_torque(motors: MotorArrays, speed: Array | float, conditions: Con
         >>> float(found.torque[0]), SOURCES[found.source[0]]
         (1.27, 'nominal torque')
     """
-    speed = np.abs(np.asarray(speed, dtype=np.float64))
+    speed = np.abs(floats(speed))
     derating = printed_torque_factor(motors, conditions)
     curve = _printed_curve(motors, speed) * derating
     printed = motors.nominal_torque * derating
@@ -105,7 +106,7 @@ def thermal_limit_torque(motors: MotorArrays, speed: Array | float, conditions: 
     Returns:
         Torque, N m; NaN where a figure is unknown.
     """
-    speed = np.abs(np.asarray(speed, dtype=np.float64))
+    speed = np.abs(floats(speed))
     winding = motors.resistance_winding_housing / conditions.altitude_factor
     housing = motors.resistance_housing_ambient / conditions.altitude_factor
     loss = motors.friction_heat_share * friction_loss(motors, speed)

@@ -15,11 +15,12 @@ from bellcrank.actuators.copper import COPPER as COPPER
 from bellcrank.actuators.copper import REFERENCE as REFERENCE
 from bellcrank.actuators.copper import resistance_factor as resistance_factor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.numerics import floats
 
 
 def friction_torque(motors: MotorArrays, speed: Array) -> Array:
     """The friction and iron torque T_c sign(ω) + c_v ω, N m; it has the sign of the speed (rad/s)."""
-    return np.asarray(motors.coulomb_torque * np.sign(speed) + motors.viscous_coefficient * speed)
+    return floats(motors.coulomb_torque * np.sign(speed) + motors.viscous_coefficient * speed)
 
 
 def electrical_torque(motors: MotorArrays, torque: Array, speed: Array) -> Array:
@@ -29,7 +30,7 @@ def electrical_torque(motors: MotorArrays, torque: Array, speed: Array) -> Array
 
 def friction_loss(motors: MotorArrays, speed: Array) -> Array:
     """Friction and iron loss T_c |ω| + c_v ω², W, at a speed (rad/s)."""
-    return np.asarray(friction_torque(motors, speed) * speed)
+    return floats(friction_torque(motors, speed) * speed)
 
 
 def loss_per_squared_torque(motors: MotorArrays) -> Array:

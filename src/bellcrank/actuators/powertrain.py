@@ -27,6 +27,7 @@ from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
 from bellcrank.actuators.shaft_load import motoring
+from bellcrank.numerics import floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ class PowerTrains:
         if curve.known.any():
             lost = np.where(curve.known, self._curve_loss(size, drives), lost)
         opposed = np.where(speed == 0.0, np.sign(torque), np.sign(speed))
-        return np.asarray((torque + opposed * lost) / gears.ratio)
+        return floats((torque + opposed * lost) / gears.ratio)
 
     def _curve_loss(self, size: Array, drives: NDArray[np.bool_]) -> Array:
         """Loss torque at the output, N m, of the curves of efficiency over load at torques of a size."""
@@ -106,7 +107,7 @@ class PowerTrains:
         size = np.maximum(size, first)
         efficiency = gears.efficiency_curve.at(size / gears.rated_torque)
         driven = np.where(np.isnan(gears.back_efficiency), efficiency, gears.back_efficiency)
-        return np.asarray(size * np.where(drives, 1.0 / efficiency - 1.0, 1.0 - driven))
+        return floats(size * np.where(drives, 1.0 / efficiency - 1.0, 1.0 - driven))
 
     def shaft_torque(self, torque: Array, speed: Array, acceleration: Array) -> Array:
         """Torque at the motor shaft.

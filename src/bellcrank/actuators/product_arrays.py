@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.row_checks import Points
+from bellcrank.numerics import floats
 
 Array = NDArray[np.float64]
 
@@ -83,8 +84,8 @@ class Curves:
         Returns:
             Ordinates (…), NaN where there is no curve or x is NaN.
         """
-        x = np.asarray(x, dtype=np.float64)
-        y = np.where(x <= self.x[..., 0], self.y[..., 0], np.nan)
+        x = floats(x)
+        y = np.where(np.isnan(x), np.nan, self.y[..., 0])
         last = self.x[..., 0]
         for k in range(self.x.shape[-1] - 1):
             x0, x1, y0, y1 = self.x[..., k], self.x[..., k + 1], self.y[..., k], self.y[..., k + 1]
@@ -93,7 +94,7 @@ class Curves:
                 y = np.where(inside, y0 + (y1 - y0) * ((x - x0) / (x1 - x0)), y)
             last = np.fmax(last, x1)
         value = self._last_y if beyond is None else np.where(self.known, beyond, np.nan)
-        return np.asarray(np.where(x > last, value, y))
+        return floats(np.where(x > last, value, y))
 
     @property
     def _last_y(self) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.numerics import floats
+
 Array = NDArray[np.float64]
 
 
@@ -14,7 +16,7 @@ def motoring(load: Array, velocity: Array) -> NDArray[np.bool_]:
     The velocity is 0 where the joint rests for a finite time; at another zero it has the sign of one of its sides, as
     the samples of sizing/one_sided.py have it.
     """
-    return np.asarray(np.sign(load) * velocity >= 0.0)
+    return floats(np.sign(load) * velocity >= 0.0)  # type: ignore[return-value]
 
 
 def shaft_torque(

@@ -18,6 +18,7 @@ from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.electrical import usable_voltage
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, Curves, MotorArrays
+from bellcrank.numerics import floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,7 +113,7 @@ def curve_use(curves: Curves, torque: Array, speed: Array) -> Array:
     Returns:
         Use: 1 on the curve, NaN where there is no curve.
     """
-    torque, speed = np.abs(np.asarray(torque, dtype=np.float64)), np.abs(np.asarray(speed, dtype=np.float64))
+    torque, speed = np.abs(floats(torque)), np.abs(floats(speed))
     last = curves.last_x
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         use = np.where(last > 0.0, speed / last, np.where((torque > 0.0) | (speed > 0.0), np.inf, 0.0))

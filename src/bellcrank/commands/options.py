@@ -211,6 +211,20 @@ def add_page(parser: argparse.ArgumentParser, page: str, default: str, older: st
         parser.add_argument(older, dest="page", action="store_const", const="", help="the same as --page without FILE")
 
 
+def add_live(parser: argparse.ArgumentParser) -> None:
+    """Whether the page of a sizing computes."""
+    computes = parser.add_mutually_exclusive_group()
+    computes.add_argument(
+        "--live",
+        action="store_const",
+        const=True,
+        dest="live",
+        help="the page of a sizing computes: change payload, speed, ratio and friction in it (default: where it adds "
+        "less than 400 kB)",
+    )
+    computes.add_argument("--static", action="store_const", const=False, dest="live", help="the page only replays")
+
+
 def page_of(arguments: argparse.Namespace, default: Path) -> Path | None:
     """Where the page goes that was asked for; None where none was. Raises InputError where it cannot be written."""
     if arguments.page is None:

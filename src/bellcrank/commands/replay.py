@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import number_option, size_option
+from bellcrank.commands.options import add_live, number_option, size_option
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import add_other, add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
@@ -34,16 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--full-meshes", action="store_true", help="do not simplify the meshes")
     parser.add_argument("--no-plots", action="store_true", help="leave the plots out of the page")
-    computes = parser.add_mutually_exclusive_group()
-    computes.add_argument(
-        "--live",
-        action="store_const",
-        const=True,
-        dest="live",
-        help="the page of a sizing computes: change payload, speed, ratio and friction in it (default: where it adds "
-        "less than 400 kB)",
-    )
-    computes.add_argument("--static", action="store_const", const=False, dest="live", help="the page only replays")
+    add_live(parser)
     parser.add_argument("--open", action="store_true", help="open the page in the web browser")
     films = parser.add_argument_group(
         "stills and films", "rendered by headless Chromium; the page itself is written only with --out or --open"

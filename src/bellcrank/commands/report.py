@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bellcrank.commands.options import add_live
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.result_argument import (
     add_other,
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trace", action="append", default=[], metavar="FRAME", help="draw the path of this frame; may be repeated"
     )
+    add_live(parser)
     parser.add_argument("--open", action="store_true", help="open the page in the web browser")
 
 
@@ -40,7 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.other is not None:
         arguments.run = arguments.other
         results.append(compute_or_load(arguments))
-    path = report(results[0], out, over=None if len(results) < 2 else results[1], trace=arguments.trace)
+    other = None if len(results) < 2 else results[1]
+    path = report(results[0], out, over=other, trace=arguments.trace, live=arguments.live)
     verdicts = [verdict_of(result) for result in results]
     for result, (_, verdict) in zip(results, verdicts, strict=True):
         print(verdict)

@@ -8,6 +8,7 @@ from pathlib import Path
 from bellcrank.commands.options import (
     add_accept_unknown,
     add_allow_massless,
+    add_live,
     add_output_folder,
     add_page,
     add_robot_and_motions,
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_set(parser, "payloads.1.mass='5 kg'")
     add_page(parser, "the report of the sizing", "report.html in DIR")
+    add_live(parser)
     add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
@@ -73,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_sizing")
     check_folder("--out", folder, FILES)
     page = page_of(arguments, folder / REPORT)
+    if page is None and arguments.live is not None:
+        raise InputError("--live and --static say what the page does; give --page too")
     config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     sizing = size(
         config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
@@ -91,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         if page is not None:
             from bellcrank.reports.report import report
 
-            files.append(report(sizing, page))
+            files.append(report(sizing, page, live=arguments.live))
         list_files(files[1], RESULTS, [path.name for path in files if path.parent == folder])
     remove_stale(folder, earlier, files)
     print(f"\n{verdict(sizing)}\n{written(files, folder)}")

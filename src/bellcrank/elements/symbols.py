@@ -264,6 +264,18 @@ class Symbols:
         rotor = casadi.SX(casadi.sparsify(casadi.DM(self.robot.rotor_inertia))) * a
         return scale * (torque - rotor) + rotor
 
+    def holding_force(self, q: casadi.SX, gravity: casadi.SX) -> casadi.SX:
+        """Joint forces (nv) that hold the links at rest under an acceleration of gravity (3,), m/s²; linear in it."""
+        import casadi
+
+        rest = casadi.SX.zeros(self.robot.nv, 1)
+        total = casadi.SX(rest)
+        for k, unit in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
+            total += gravity[k] * _function(self._traced(unit).inverse_dynamics())(
+                q, rest, rest, self.tracer_parameters
+            )
+        return total
+
     def inertia(self) -> casadi.Function:
         """(q, a, p) -> M(q) a, rotors included, by recursive Newton-Euler without gravity."""
         import casadi

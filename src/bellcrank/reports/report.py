@@ -39,6 +39,7 @@ def report(
     trace: Iterable[str] = (),
     detail: Detail = "reduced",
     title: str | None = None,
+    live: bool | None = None,
     trust: Trust = (),
 ) -> Path:
     """Write one HTML page with the verdict of a run, sizing, selection or sweep, its replay, tables and pictures.
@@ -57,6 +58,8 @@ def report(
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page. Default: the name of the scene, sizing or selection.
+        live: Whether the page of a sizing computes, as `replay` has it. Verdict, tables and pictures of the report stay
+            those of the sizing, and the page says so while values are changed. Default: where it adds less than 400 kB.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -86,6 +89,8 @@ def report(
         given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)
     else:
         for_files_only(trust, "source", "load_run")
+    if live is not None:
+        arguments.flag("live", live)
     result = load_source(given, "report")
     other = None if over is None else load_source(over, "report", trust, "over")
     if isinstance(result, FastestMotion) or isinstance(other, FastestMotion):
@@ -94,7 +99,8 @@ def report(
     title = title or None
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
-    film = film_of(result, trace=trace, detail=detail, title=name if title is None else title)
+    computes = live if other is None else False
+    film = film_of(result, trace=trace, detail=detail, title=name if title is None else title, live=computes)
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
     if other is not None:
         second = film_of(other, trace=trace, detail=detail, title=_title(other))

@@ -26,6 +26,7 @@ class MotionPieces(NamedTuple):
         length: How long it lasts (m,), s.
         states: Positions, velocities and accelerations (m, 2, 3 n) at its begin and end.
         cuts: The number of the quintic of each piece and the shares of it (k, 3) at which the piece begins and ends.
+        sides: The signs of the joints' speeds (k, n) in each piece, 0 where a joint rests (one_sided.py).
         rests: States (r, 3 n) before and after the motion, at rest, where it begins and ends at rest.
         error: The largest error of the quintics, relative to the largest position, speed and acceleration.
     """
@@ -34,6 +35,7 @@ class MotionPieces(NamedTuple):
     length: Array
     states: Array
     cuts: Array
+    sides: Array
     rests: Array
     error: float
 
@@ -73,11 +75,17 @@ def motion_pieces(motion: Motion) -> MotionPieces:
         shares = [(time[end, -1] - time[low, 0]) / (time[high, -1] - time[low, 0]) for end in ends[1:-1]]
         cuts += [(number, *each) for each in zip([0.0, *shares], [*shares, 1.0], strict=True)]
     lows, highs = [each[0] for each in found], [each[1] for each in found]
+    pieces = np.array(cuts)
+    place = pieces[:, 0].astype(int)
+    starts, lengths = time[lows, 0], time[highs, -1] - time[lows, 0]
+    middle = starts[place] + 0.5 * (pieces[:, 1] + pieces[:, 2]) * lengths[place]
+    part = np.minimum(np.searchsorted(grid.sides.end, middle), len(grid.sides.end) - 1)
     return MotionPieces(
-        time[lows, 0],
-        time[highs, -1] - time[lows, 0],
+        starts,
+        lengths,
         np.stack([states[lows, 0], states[highs, -1]], axis=1),
-        np.array(cuts),
+        pieces,
+        np.sign(grid.sides.velocity[part]),
         np.concatenate([table[:first], table[kept.stop :]]),
         max(each[2] for each in found),
     )

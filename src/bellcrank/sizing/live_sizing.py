@@ -2,15 +2,14 @@
 
 Two functions say all that the page computes; it only sums and compares what they return along the motions:
 
-    sample   (begin, end, place, speed, p) -> shown, sizes, rates
+    sample   (begin, end, place, side, speed, p) -> shown, sizes, rates
     verdict  (largest sizes, means of rates, p) -> figures, uses, exceeded
 
-`sample` takes a quintic of a motion (live_motion.py); the place in it: the share, how long the quintic lasts, and the
-share at the middle of the piece, where the joints' directions are read; the factor on the motion's speed; and the
+`sample` takes a quintic of a motion (live_motion.py); the place in it: the share, and how long the quintic lasts; the
+signs of the joints' speeds in the piece; the factor on the motion's speed; and the
 settings p. It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
-principle of virtual power (dynamics/motor_shares.py); the torques at the motors' shafts as
-`actuators.shaft_load.shaft_torque`; and the shares of limits as the criteria of motors that are given by their ratings
-(sizing/selection/motor_criteria.py, peak_curve.py). `verdict` ends these criteria. Tests compare both with
+principle of virtual power (dynamics/motor_shares.py); live_criteria.py gives the torques at the motors' shafts, and the
+criteria of motors and gears, which `verdict` ends. Tests compare both with
 `bellcrank.size` and `bellcrank.judge`.
 """
 
@@ -19,12 +18,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.webassembly import webassembly
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
@@ -34,10 +32,9 @@ from bellcrank.elements.parameters import Parameter
 from bellcrank.elements.symbols import Symbols
 from bellcrank.motion.hermite import quintic_polynomial
 from bellcrank.robot.traced_tree import ORIGIN, setting
-from bellcrank.sizing.drive_verdicts import pair_of
-from bellcrank.sizing.one_sided import STILL
+from bellcrank.sizing.live_criteria import LiveDrive, Sample
+from bellcrank.sizing.one_sided import ONE_SIDE, STILL
 from bellcrank.sizing.selection.criteria import TOLERANCE
-from bellcrank.sizing.selection.peak_curve import Sides, convex_sides
 
 if TYPE_CHECKING:
     import casadi
@@ -121,52 +118,76 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
     settings = _Settings(sizing)
     n, k = mechanism.robot.nv, len(mechanism.motors)
     p, speed = casadi.SX.sym("p", len(settings.all)), casadi.SX.sym("speed")
-    begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 3)))
+    begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 2)))
+    side = casadi.SX.sym("side", n)
     q, v, a = _states(begin, end, place[1], place[0])
-    middle = _states(begin, end, place[1], place[2])[1]
     v, a = speed * v, speed**2 * a
     columns = [joint.v for joint in mechanism.motors]
-    torque = _torques(mechanism, actuators.keys(), settings, p, (q, v, a))
-    if torque is None:
+    found = _torques(mechanism, actuators.keys(), settings, p, (q, v, a))
+    if found is None:
         return "forces of the scene depend on time"
-    side = casadi.if_else(casadi.fabs(middle) <= STILL, 0.0, casadi.sign(middle))
-    shown, sizes = [torque, v, a], [torque, -torque, casadi.fabs(v[columns])]
-    drives = [
-        _drive(joint, settings, p, (torque[i], v[columns[i]], a[columns[i]], side[columns[i]]))
-        for i, joint in enumerate(sizing.joints)
-    ]
-    for name in ("speed", "torque"):
-        shown.append(casadi.vertcat(*(getattr(drive, name) for drive in drives)))
-    sizes += [casadi.vertcat(*(casadi.fabs(drive.torque) for drive in drives))]
-    sizes += [casadi.vertcat(*(drive.curve for drive in drives))]
-    rates = [torque**2, shown[4] ** 2, casadi.fabs(shown[3])]
-    sample = casadi.Function(
-        "sample",
-        [begin, end, place, speed, p],
-        [casadi.densify(casadi.vertcat(*each)) for each in (shown, sizes, rates)],
-    )
-    most, mean = casadi.SX.sym("most", 5 * k), casadi.SX.sym("mean", 3 * k)
-    high, low, fast, shaft, curve = casadi.vertsplit(most, k)
-    rms, shaft_rms = casadi.vertsplit(casadi.sqrt(mean[: 2 * k]), k)
-    figures = casadi.vertsplit(casadi.vertcat(casadi.fmax(high, low), rms, fast, shaft, shaft_rms, mean[2 * k :]), k)
+    torque, inertia = found
+    speed_of, acceleration_of = v[columns], a[columns]
+    sided = casadi.if_else(casadi.fabs(speed_of) <= STILL, ONE_SIDE * side[columns], speed_of)
+    drives = [_drive(joint, settings, p) for joint in sizing.joints]
+    shown, sizes = [torque, v, a], [torque, -torque, casadi.fabs(sided)]
+    rates, shafts, turns = [torque**2, casadi.fabs(sided)], [], []
+    more: list[list[casadi.SX]] = [[], []]  # sizes and rates of drives, beside those that all joints have
+    counts = []
+    for i, drive in enumerate(drives):
+        if drive is None:
+            shafts.append(torque[i])
+            turns.append(speed_of[i])
+            counts.append((0, 0))
+        else:
+            at = drive.at(Sample(torque[i], sided[i], acceleration_of[i], inertia[i]))
+            shafts.append(at.shaft)
+            turns.append(RPM * drive.ratio * speed_of[i])
+            counts.append((len(at.sizes), len(at.rates)))
+            more[0] += at.sizes
+            more[1] += at.rates
+    shown += [casadi.vertcat(*turns), casadi.vertcat(*shafts)]
+    largest = [*casadi.vertsplit(casadi.vertcat(*sizes, casadi.fabs(shown[4]))), *more[0]]
+    means = [*casadi.vertsplit(casadi.vertcat(*rates)), *more[1]]
+    most = [casadi.SX.sym(f"most {j}") for j in range(len(largest))]
+    mean = [casadi.SX.sym(f"mean {j}") for j in range(len(means))]
+    of_joint: list[tuple[casadi.SX, ...]] = []
     uses: list[casadi.SX] = []
     named: list[Use] = []
-    for i, joint in enumerate(sizing.joints):
-        ratio = settings.symbol(p, "ratio", joint.name, 1.0)
-        shares = _uses(joint, (*(each[i] for each in figures[:5]), curve[i]), ratio)
-        for name, share in shares:
+    places = [4 * k, 2 * k]
+    for i, (joint, drive) in enumerate(zip(sizing.joints, drives, strict=True)):
+        peak, fast, shaft = casadi.fmax(most[i], most[k + i]), most[2 * k + i], most[3 * k + i]
+        rms, slow = casadi.sqrt(mean[i]), mean[k + i]
+        own = [each[place : place + count] for each, place, count in zip((most, mean), places, counts[i], strict=True)]
+        places = [place + count for place, count in zip(places, counts[i], strict=True)]
+        judged = None if drive is None else drive.uses(own[0], own[1], (peak, fast, slow, shaft))
+        if drive is None or judged is None:
+            of_joint.append((peak, rms, fast, shaft, rms, slow))
+        else:
+            of_joint.append((peak, rms, fast, shaft, judged.rms_torque, RPM * drive.ratio * slow))
+        for name, share in _uses(joint, peak, fast, {} if judged is None else judged.uses):
             named.append(Use(joint.name, name, None if share is None else len(uses)))
             uses += [] if share is None else [share]
+    figures = casadi.vertcat(*(casadi.vertcat(*kind) for kind in zip(*of_joint, strict=True)))
     every = casadi.vertcat(casadi.SX(0, 1), *uses)
-    results = (casadi.vertcat(*figures), every, every > 1.0 + TOLERANCE)
-    verdict = casadi.Function("verdict", [most, mean, p], [casadi.densify(each) for each in results])
+    needed = {symbol.element_hash() for symbol in casadi.symvar(casadi.vertcat(figures, every))}
+    kept = [[j for j, one in enumerate(each) if one.element_hash() in needed] for each in (most, mean)]
+    picked = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((largest, means), kept, strict=True)]
+    sample = casadi.Function(
+        "sample",
+        [begin, end, place, side, speed, p],
+        [casadi.densify(each) for each in (casadi.vertcat(*shown), *picked)],
+    )
+    inputs = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((most, mean), kept, strict=True)]
+    results = (figures, every, every > 1.0 + TOLERANCE)
+    verdict = casadi.Function("verdict", [*inputs, p], [casadi.densify(each) for each in results])
     return LiveSizing(
         settings=tuple(settings.all),
         speeds=tuple(settings.place("speed", motion.name) for motion in motions),
         uses=tuple(named),
         sample=_module(sample),
         verdict=_module(verdict),
-        sizes=(3 * k + 2 * n, 5 * k, 3 * k, 6 * k, len(uses)),
+        sizes=(3 * k + 2 * n, *map(len, kept), 6 * k, len(uses)),
     )
 
 
@@ -308,6 +329,22 @@ class _Settings:
                         entry=f"{one.name}/{kind}",
                     ),
                 )
+        most = float(np.linalg.norm(robot.gravity)) or 9.81
+        for axis, value, entry in zip(ORIGIN[:3], robot.gravity.tolist(), "123", strict=True):
+            self._add(
+                "gravity",
+                axis,
+                Setting(
+                    group="gravity (tilt of the base)",
+                    name=axis,
+                    unit="m/s²",
+                    value=value,
+                    range=(-most, most),
+                    least=-math.inf,
+                    path="" if config is None else "gravity",
+                    entry=entry,
+                ),
+            )
 
     def _add(self, kind: str, name: str, made: Setting) -> None:
         self._places[kind, name] = len(self.all)
@@ -340,9 +377,9 @@ def _of_ratings(actuator: Actuator) -> bool:
 
 def _torques(
     mechanism: Mechanism, actuated: Collection[str], settings: _Settings, p: casadi.SX, states: tuple[casadi.SX, ...]
-) -> casadi.SX | None:
-    """The torques at the motors' joints, without the rotors of those joints that have an actuator; None where they
-    depend on time.
+) -> tuple[casadi.SX, casadi.SX] | None:
+    """The torques at the motors' joints, without the rotors of those joints that have an actuator, and the inertia that
+    accelerates with each of them alone, without rotors; None where they depend on time.
     """
     import casadi
 
@@ -353,7 +390,12 @@ def _torques(
     a = casadi.SX.sym("a", robot.nv)
     rotor = np.array([robot.rotor_inertia[joint.v] if joint.name in actuated else 0.0 for joint in robot.joints])
     need = symbols.inverse_dynamics(symbols.q, symbols.v, a) - casadi.DM(rotor) * a
+    gravity = casadi.SX.sym("gravity", 3)
+    need += symbols.holding_force(symbols.q, gravity - casadi.DM(robot.gravity))
     columns = [joint.v for joint in mechanism.motors]
+    rotors = np.zeros(robot.nv)
+    rotors[columns] = robot.rotor_inertia[columns]
+    mass = casadi.jacobian(need, a) - casadi.diag(casadi.DM(rotors - rotor))
     coefficients = [casadi.SX.sym(name, robot.nv) for name in ("viscous", "coulomb")]
     need += robot.equations.friction_of(symbols.v, *coefficients)
     for force in mechanism.equations.forces:
@@ -364,72 +406,42 @@ def _torques(
         others = [v for v in range(robot.nv) if v not in columns]
         held = casadi.solve(casadi.densify(jacobian[:, others]).T, need[others])
         torque = need[columns] - jacobian[:, columns].T @ held
+        motion = casadi.SX(robot.nv, len(columns))
+        motion[columns, :] = casadi.SX.eye(len(columns))
+        motion[others, :] = -casadi.solve(casadi.densify(jacobian[:, others]), jacobian[:, columns])
+        inertia = casadi.sum1(motion * (mass @ motion)).T
     else:
-        torque = need[columns]
+        torque, inertia = need[columns], casadi.diag(mass)[columns]
     if casadi.depends_on(torque, symbols.t):
         return None
-    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, *coefficients]
-    function = casadi.Function("torques", inputs, [torque])
+    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, gravity, *coefficients]
+    function = casadi.Function("torques", inputs, [torque, inertia])
     values = casadi.vertcat(
         casadi.SX(0, 1), *(one.value for one in own.values()), *(p[place] for place in settings.targets.values())
     )
+    down = casadi.vertcat(*(p[settings.place("gravity", axis)] for axis in ORIGIN[:3]))
     friction = [
         casadi.vertcat(*(settings.symbol(p, kind, joint.name, float(stated[joint.v])) for joint in robot.joints))
         for kind, stated in (("viscous", robot.viscous), ("coulomb", robot.coulomb))
     ]
-    return function(*states, values, 0.0, *friction)
+    return cast("tuple[casadi.SX, casadi.SX]", function(*states, values, 0.0, down, *friction))
 
 
 def _parameter(robot: Robot, target: str) -> Parameter:
     return Parameter(target, 0.0, "", (target,), (setting(robot.equations.tree, target),))
 
 
-class _Drive(NamedTuple):
-    """Speed (rpm) and torque of a motor, the latter times the safety factor, and the share of its curve."""
-
-    speed: casadi.SX
-    torque: casadi.SX
-    curve: casadi.SX
-
-
-def _drive(
-    joint: JointSizing, settings: _Settings, p: casadi.SX, load: tuple[casadi.SX, casadi.SX, casadi.SX, casadi.SX]
-) -> _Drive:
-    """What a motor bears; without one, or where figures of it are unknown, the joint's own speed and torque."""
-    import casadi
-
-    torque, v, a, side = load
-    actuator = None if joint.shaft is None else joint.shaft.actuator
-    if actuator is None or not _of_ratings(actuator):
-        return _Drive(v, torque, casadi.SX(0))
-    ratio, efficiency, inertia = (
-        settings.symbol(p, "ratio", joint.name, 1.0),
-        actuator.efficiency,
-        actuator.shaft_inertia,
-    )
-    assert efficiency is not None and inertia is not None
-    through = casadi.if_else(casadi.sign(torque) * side >= 0.0, 1.0 / (ratio * efficiency), efficiency / ratio)
-    shaft = actuator.safety_factor * (torque * through + inertia * ratio * a)
-    sides, turns, curve = _sides(actuator), casadi.fabs(ratio * v), casadi.SX(0)
-    if sides is not None:
-        for per_torque, per_speed in zip(sides.torque[0], sides.speed[0], strict=True):
-            curve = casadi.fmax(curve, float(per_torque) * casadi.fabs(shaft) + float(per_speed) * turns)
-    return _Drive(RPM * ratio * v, shaft, curve)
-
-
-def _sides(actuator: Actuator) -> Sides | None:
-    """The sides of the region under the torque-speed curve; None where it is unknown or not convex."""
-    if actuator.curve_points is None:
+def _drive(joint: JointSizing, settings: _Settings, p: casadi.SX) -> LiveDrive | None:
+    """The motor and gear of a joint; None where it has none, or figures are unknown that its torque needs."""
+    if joint.shaft is None or joint.shaft.actuator.unknown_of_torque:
         return None
-    sides = convex_sides(pair_of(actuator).products.peak_curves(actuator.judged_under))
-    return sides if bool(sides.convex[0]) else None
+    return LiveDrive(joint, settings.symbol(p, "ratio", joint.name, joint.shaft.actuator.ratio))
 
 
 def _uses(
-    joint: JointSizing, found: tuple[casadi.SX, ...], ratio: casadi.SX | float
+    joint: JointSizing, peak: casadi.SX, fast: casadi.SX, judged: dict[str, casadi.SX]
 ) -> list[tuple[str, casadi.SX | None]]:
-    """The shares of the limits of a joint; None of those that are not recomputed."""
-    peak, _, fast, shaft, shaft_rms, curve = found
+    """The shares of the limits of a joint, those of criteria by name given; None of those that are not recomputed."""
     uses: list[tuple[str, casadi.SX | None]] = []
     if joint.effort_limit is not None:
         uses.append((EFFORT, peak / joint.effort_limit if joint.effort_limit else None))
@@ -437,18 +449,4 @@ def _uses(
         uses.append((VELOCITY, fast / joint.velocity_limit if joint.velocity_limit else None))
     if joint.shaft is None:
         return uses
-    actuator, known = joint.shaft.actuator, {}
-    if _of_ratings(actuator):
-        pair = pair_of(actuator)
-        rated = float(continuous_torque(pair.motors, np.zeros(1), actuator.judged_under).torque[0])
-        most, fastest = float(pair.of_motor("peak_torque")[0]), float(pair.of_motor("max_speed")[0])
-        known = {
-            "motor speed": ratio * fast / fastest,
-            "continuous torque": shaft_rms / rated,
-            "peak torque": shaft / most,
-            "peak curve": None if _sides(actuator) is None else curve,
-        }
-        for name, limit in (("motor speed", fastest), ("continuous torque", rated), ("peak torque", most)):
-            if not limit > 0.0:  # unknown, or 0
-                known[name] = None
-    return uses + [(one.name, known.get(one.name)) for one in joint.shaft.judged.judged]
+    return uses + [(one.name, judged.get(one.name)) for one in joint.shaft.judged.judged]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STILL = 1e-9  # rad/s or m/s: the sign of a slower speed is rounding
+STILL = 1e-9  # rad/s or m/s: the sign of a slower speed is rounding, unless it comes to rest steadily
 LASTING = 1e-6  # of a motion's duration: shorter stretches of slower speeds are reversals, not rest
 ONE_SIDE = 1e-30  # so small that neither forces nor powers change
 
@@ -38,11 +38,14 @@ class Sides:
     def of(cls, begin: float, end: Array, first: NDArray[np.intp], velocity: Array) -> Self:
         """Parts between times `begin` and `end` (m,), s, from velocities (n, nv) of which those of a part begin at
         `first` (m,). A joint rests where all of its speeds in parts of a finite time are below `STILL`; a shorter
-        stretch belongs to the part before it, at the start of the motion to the one after it.
+        stretch belongs to the part before it, at the start of the motion to the one after it. A joint that comes to
+        rest softly, or sets off so, has smaller speeds with a direction for some time: it moves as long as its speeds
+        fall from part to part and keep their sign.
         """
         most, least = (pick.reduceat(velocity, first, axis=0) for pick in (np.maximum, np.minimum))
         found = np.where(most >= -least, most, least)
         still = np.abs(found) <= STILL
+        raw = found.copy()
         found[still] = 0.0
         edges = np.concatenate([[begin], end])
         for column in np.flatnonzero(still.any(axis=0) & ~still.all(axis=0)):
@@ -50,6 +53,11 @@ class Sides:
             for low, high in zip(np.flatnonzero(change > 0), np.flatnonzero(change < 0), strict=True):
                 if edges[high] - edges[low] <= LASTING * (edges[-1] - edges[0]):
                     found[low:high, column] = found[low - 1 if low else high, column]
+                    continue
+                before = _soft(raw[low - 1 : high, column]) if low else 0
+                after = _soft(raw[low : high + 1, column][::-1]) if high < len(found) else 0
+                found[low : low + before, column] = raw[low : low + before, column]
+                found[high - after : high, column] = raw[high - after : high, column]
         return cls(end, found)
 
     def of_velocity(self, time: Array, velocity: Array) -> Array:
@@ -60,3 +68,9 @@ class Sides:
             return velocity
         part = np.minimum(np.searchsorted(self.end, time, side="right"), len(self.end) - 1)
         return np.where(small, ONE_SIDE * self.velocity[part], velocity)
+
+
+def _soft(speed: Array) -> int:
+    """How many of the speeds after the first one fall steadily and keep its sign."""
+    steady = (speed[1:] * speed[:-1] > 0.0) & (np.abs(speed[1:]) < np.abs(speed[:-1]))
+    return int(len(steady) if steady.all() else np.argmin(steady))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator import Actuator
 from bellcrank.files import bundled_data
 from bellcrank.motion.motion import Motion
 from bellcrank.scene.robot_config import RobotConfig
@@ -22,7 +21,7 @@ from bellcrank.sizing.tables import verdict
 
 Array = NDArray[np.float64]
 NOT_RECOMPUTED = (
-    "holding torques", "bearing forces and tilting moments", "inertia ratios", "powers and energies",
+    "holding torques", "bearing forces and tilting moments", "temperatures of motors", "powers and energies",
     "whether the rows of a motion determine its peaks", "notes and warnings",
 )  # fmt: skip
 
@@ -34,7 +33,8 @@ class LiveFilm:
     Attributes:
         content: What is written as JSON.
         blocks: The two modules, then the 64-bit numbers of all motions in planes of bytes: times and lengths of the
-            quintics, states at their begin and end column after column, cuts into pieces, states at rest.
+            quintics, states at their begin and end column after column, cuts into pieces, signs of speeds in them,
+            states at rest.
     """
 
     content: dict[str, Any]
@@ -50,7 +50,7 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
     motions = sizing.inputs.motions
     pieces = [motion_pieces(motion) for motion in motions]
     numbers = [
-        np.concatenate([each.ravel() for each in (one.time, one.length, _columns(one.states), one.cuts, one.rests)])
+        np.concatenate([each.ravel() for each in (*one[:2], _columns(one.states), one.cuts, one.sides, one.rests)])
         for one in pieces
     ]
     content = {
@@ -79,7 +79,7 @@ def _unjudged(sizing: Sizing) -> list[str]:
         for motion in sizing.inputs.motions
         if motion.interpolated.any()
     ]
-    return [*rows, *(f"all axes together: {one.name}" for one in sizing.system)]
+    return [*rows, *(f"all axes together: {one.name}" for one in sizing.system if one.verdict != "note")]
 
 
 def _columns(states: Array) -> Array:
@@ -117,7 +117,6 @@ def _joint(joint: JointSizing) -> dict[str, Any]:
         "speed_unit": joint.speed_unit,
         "motor": actuator is not None,
         "at_shaft": actuator is not None and not actuator.unknown_of_torque,
-        "computed": actuator is None or type(actuator) is Actuator or bool(actuator.unknown_of_torque),
     }
 
 

@@ -76,6 +76,10 @@ class Criterion(ABC):
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Utilisation (m,) in one cycle, whose torques contain the safety factor."""
 
+    def reduced_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The same, NaN where the order of the samples decides."""
+        return self.cycle_use(pairs, cycle, conditions)
+
     @abstractmethod
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """A sentence about one pair in one cycle."""
@@ -210,6 +214,8 @@ class LimitCriterion(Criterion):
             if bound is not None:
                 instead = share(demand, bound[0])
                 use = np.where(np.isnan(use) & decides(instead), instead, use)
+        if type(self).least_demand is LimitCriterion.least_demand:  # there is no such bound
+            return use
         rows = np.nonzero(np.isnan(demand))[0]
         part = pairs.take(rows)
         least = self.least_demand(part, cycle) if len(rows) else None

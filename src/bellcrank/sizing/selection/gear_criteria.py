@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, exceeds, share, within
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
@@ -113,7 +114,7 @@ class GearRepeatedPeak(GearCriterion):
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest load torque."""
-        return np.full(len(pairs), cycle.max_torque)
+        return cycle.max_torque + np.zeros(len(pairs))
 
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The gear's `repeated_peak_torque`."""
@@ -242,7 +243,7 @@ class GearLife(GearCriterion):
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """L10 in hours; infinite where the axis does not move or carries nothing."""
         ratio = pairs.of_gear("rated_torque") / average_torque(pairs, cycle)
-        return np.asarray(_life_at_rated_torque(pairs, cycle) * ratio ** pairs.of_gear("life_exponent"))
+        return floats(_life_at_rated_torque(pairs, cycle) * ratio ** pairs.of_gear("life_exponent"))
 
     def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
         """The life at rated torque, where no torque is above it."""
@@ -267,13 +268,14 @@ class GearLife(GearCriterion):
 def average_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """The average torque (m,) with each gear's exponent; NaN where that is unknown and decides."""
     exponents = pairs.of_gear("life_exponent")
-    torque = np.full(len(pairs), 0.0 if cycle.max_torque == 0.0 or cycle.mean_speed == 0.0 else np.nan)
+    idle = (np.abs(cycle.max_torque) == 0.0) | (np.abs(cycle.mean_speed) == 0.0)
+    torque = np.where(idle, 0.0, np.nan) + np.zeros(len(pairs))
     for exponent in np.unique(exponents[~np.isnan(exponents)]):
-        torque[exponents == exponent] = cycle.average_torque(float(exponent))
+        torque = np.where(exponents == exponent, cycle.average_torque(float(exponent)), torque)
     return torque
 
 
 def _life_at_rated_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """Hours (m,) at the mean speed and the rated torque."""
     speed = pairs.of_gear("ratio") * cycle.mean_speed
-    return np.asarray(pairs.of_gear("life") * pairs.of_gear("rated_speed") / speed)
+    return floats(pairs.of_gear("life") * pairs.of_gear("rated_speed") / speed)

@@ -199,6 +199,11 @@ class ReducedCycle:
         return float(np.max(np.abs(self.torque)))
 
     @cached_property
+    def max_inertia(self) -> float:
+        """Largest inertia of the load."""
+        return float(np.max(self.inertia))
+
+    @cached_property
     def mean_output_power(self) -> float:
         """Mean of τ q̇, W."""
         return float(self.weight @ (self.torque * self.speed)) / self.duration
@@ -285,6 +290,13 @@ class ReducedLoads:
         return self._through[gear]
 
 
+def features_of(torque: Array, speed: Array, acceleration: Array) -> Array:
+    """The features (n, 5) of samples (n,) of an axis; a speed of 0 with the sign of its side (one_sided.py)."""
+    drives = motoring(torque, speed)
+    columns = [np.where(drives, torque, 0.0), np.where(drives, 0.0, torque), acceleration, np.sign(speed), speed]
+    return np.stack(columns, axis=-1)
+
+
 def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> ReducedCycle:
     """One axis (its number) of a load cycle, ready for criteria.
 
@@ -298,14 +310,6 @@ def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> Reduc
     """
     torque = np.ascontiguousarray(cycle.torque[:, number])
     speed = cycle.speed[:, number]
-    drives = motoring(torque, speed)
-    columns = (
-        np.where(drives, torque, 0.0),
-        np.where(drives, 0.0, torque),
-        cycle.acceleration[:, number],
-        np.sign(speed),
-        speed,
-    )
     return ReducedCycle(
         axis=axes[number],
         name=cycle.name,
@@ -314,7 +318,7 @@ def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> Reduc
         weight=cycle.weight,
         interval=cycle.interval,
         sequence=cycle.sequence,
-        features=np.column_stack(columns),
+        features=features_of(torque, speed, cycle.acceleration[:, number]),
         torque=torque,
         static_torque=float(np.max(np.abs(cycle.static_torque[:, number]))),
         inertia=np.ascontiguousarray(cycle.inertia[:, number]),

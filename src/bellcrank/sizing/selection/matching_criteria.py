@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
@@ -111,7 +112,7 @@ class InertiaRatio(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The largest ratio of the cycle over the allowed one."""
-        return inertia_ratio(pairs, float(np.max(cycle.inertia))) / conditions.inertia_ratio
+        return inertia_ratio(pairs, cycle.max_inertia) / conditions.inertia_ratio
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The range over the cycle, and what is allowed of products."""
@@ -122,10 +123,10 @@ class InertiaRatio(Criterion):
         return f"{least:.3g} to {most:.3g} times the rotor's inertia in '{cycle.name}'{allowed}"
 
 
-def inertia_ratio(pairs: Pairs, load_inertia: float) -> Array:
+def inertia_ratio(pairs: Pairs, load_inertia: Array | float) -> Array:
     """(J_load / N² + J_gear) / J_rotor (m,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(
+        return floats(
             (load_inertia / pairs.of_gear("ratio") ** 2 + pairs.of_gear("inertia")) / pairs.of_motor("rotor_inertia")
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from bellcrank.sizing.selection.shaft_loads import (
     largest,
     largest_shaft_torque,
     least_coefficients,
+    rms_shaft_torque,
     root_mean_square,
     shaft_coefficients,
     speed_coefficients,
@@ -88,7 +90,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """RMS of the shaft torque."""
-        return root_mean_square(shaft_coefficients(pairs, cycle), cycle)
+        return rms_shaft_torque(pairs, cycle)
 
     def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
         """RMS of the bound of the shaft torque in `shaft_loads.least_coefficients`."""
@@ -232,7 +234,7 @@ class VoltageLimit(Criterion):
                 of = shaft_coefficients if limit.basis == "shaft" else electrical_coefficients
                 factors = torque[:, None] * of(pairs, cycle) + speed_coefficients(pairs, speed)
                 uses.append(np.where(np.isnan(torque), np.nan, largest(factors, cycle)))
-        return np.fmax.reduce(uses) if uses else np.full(len(pairs), np.nan)
+        return reduce(np.fmax, uses, np.full(len(pairs), np.nan))
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest torque and the largest speed at once."""

@@ -16,6 +16,7 @@ from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curves, short_time_limits
 from bellcrank.cached_values import cached_property
+from bellcrank.numerics import floats
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -118,7 +119,7 @@ class Pairs:
 
     def of_gear(self, name: str) -> Array:
         """A figure (m,) of each pair's gear; NaN where unknown."""
-        return np.asarray(getattr(self.gears, name))
+        return floats(getattr(self.gears, name))
 
     @property
     def with_gear(self) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.product_arrays import Curves
 from bellcrank.actuators.short_time_limits import peak_curve_use
+from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
@@ -45,16 +46,15 @@ class PeakCurve(Criterion):
             return use
         sides = convex_sides(pairs.products.peak_curves(conditions))
         convex = np.nonzero(printed & sides.convex[pairs.motor])[0]
-        if len(convex):
+        if len(pairs) == 1:
+            use = _convex_use(pairs, cycle, sides) if len(convex) else _use_of_samples(pairs, cycle, conditions)
+        elif len(convex):
             use[convex] = _convex_use(pairs.take(convex), cycle, sides)
-        others = np.nonzero(printed & ~sides.convex[pairs.motor])[0]
+        others = np.nonzero(printed & ~sides.convex[pairs.motor] & (len(pairs) > 1))[0]
         step = max(1, BLOCK // len(cycle.torque))
         for start in range(0, len(others), step):
             rows = others[start : start + step]
-            part = pairs.take(rows)
-            torque = shaft_coefficients(part, cycle) @ cycle.features.T
-            speed = part.of_gear("ratio")[:, None] * cycle.speed
-            use[rows] = np.max(peak_curve_use(part.motors[:, None], conditions, torque, speed), axis=1)
+            use[rows] = _use_of_samples(pairs.take(rows), cycle, conditions)
         unknown = np.nonzero(printed & np.isnan(use))[0]
         for start in range(0, len(unknown), step):
             rows = unknown[start : start + step]
@@ -120,6 +120,13 @@ def convex_sides(curves: Curves) -> Sides:
         last = 1.0 / curves.last_x
     zero = np.zeros((len(x), 1))
     return Sides(np.hstack([torque, zero]), np.hstack([speed, last[:, None]]), convex)
+
+
+def _use_of_samples(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    """Largest use (m,) of any curves over all samples."""
+    torque = shaft_coefficients(pairs, cycle) @ cycle.features.T
+    speed = pairs.of_gear("ratio")[:, None] * cycle.speed
+    return floats(np.max(peak_curve_use(pairs.motors[:, None], conditions, torque, speed), axis=1))
 
 
 def _convex_use(pairs: Pairs, cycle: ReducedCycle, sides: Sides) -> Array:

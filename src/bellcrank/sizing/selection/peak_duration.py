@@ -32,9 +32,9 @@ class PeakDuration(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Longest time over the permitted one."""
+        use = self.reduced_use(pairs, cycle, conditions)
         peak = largest_shaft_torque(pairs, cycle)
         least, most = _continuous_range(pairs, cycle, conditions)
-        use = np.where(peak <= least, 0.0, np.nan)
         unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & ~(peak <= most))
         above = np.nonzero(~(peak <= least) & ~unknown)[0]
         step = max(1, BLOCK // len(cycle.torque))
@@ -45,6 +45,11 @@ class PeakDuration(Criterion):
                 if len(some):
                     use[some] = _use(pairs.take(some), cycle, conditions, None if level is None else level[some])
         return use
+
+    def reduced_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """0 where the largest torque is not above the least continuous torque."""
+        least, _ = _continuous_range(pairs, cycle, conditions)
+        return np.where(largest_shaft_torque(pairs, cycle) <= least, 0.0, np.nan)
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By blocks of samples: one counts where its largest torques and acceleration exceed the least S1 torque."""
@@ -96,7 +101,7 @@ def _continuous_range_of(pairs: Pairs, cycle: ReducedCycle, conditions: Conditio
             inside = np.where(points <= fastest[printed], points, 0.0)
             torque = continuous_torque(part.motors, inside, conditions).torque
             least[printed], most[printed] = np.minimum(least[printed], torque), np.maximum(most[printed], torque)
-    return np.column_stack([least, most])
+    return np.stack([least, most], axis=-1)
 
 
 def _use(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array | None) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.numerics import floats
 from bellcrank.sizing.selection.load_reductions import ACCELERATION, DIRECTION, DRIVING, SPEED, ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -63,9 +64,7 @@ def least_coefficients(pairs: Pairs, cycle: ReducedCycle, *, electrical: bool) -
 
 def speed_coefficients(pairs: Pairs, per_speed: Array | float = 1.0) -> Array:
     """Factors (m, 5) of the cycle's features whose sum is each shaft's speed N q̇ times something (m,)."""
-    factors = np.zeros((len(pairs), 5))
-    factors[:, SPEED] = pairs.of_gear("ratio") * per_speed
-    return factors
+    return floats(np.eye(5)[SPEED] * (pairs.of_gear("ratio") * per_speed)[:, None])
 
 
 def largest(factors: Array, cycle: ReducedCycle) -> Array:
@@ -79,6 +78,11 @@ def largest(factors: Array, cycle: ReducedCycle) -> Array:
 def largest_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """The largest |T| (m,) at each pair's shaft, N m."""
     return pairs.once(("largest shaft torque", cycle), lambda: largest(shaft_coefficients(pairs, cycle), cycle))
+
+
+def rms_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """The root mean square (m,) of T at each pair's shaft, N m."""
+    return pairs.once(("RMS shaft torque", cycle), lambda: root_mean_square(shaft_coefficients(pairs, cycle), cycle))
 
 
 def bound_of_electrical_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
@@ -106,6 +110,9 @@ def largest_signed(torque: Array, speed: Array, cycle: ReducedCycle) -> Array:
 
 def _largest(function: np.ufunc | None, factors: Array, points: Array) -> Array:
     """The largest value (m,) of products of factors (m, 5) and points (h, 5), or of a function of them."""
+    if len(points) == 1:
+        (values,) = (factors @ points.T).T
+        return values if function is None else floats(function(values))
     transposed = np.ascontiguousarray(points.T)
     found = np.empty(len(factors))
     step = max(1, BLOCK // len(points))

@@ -33,6 +33,7 @@ async function makeLive({ film, player, view, set, panel, charts }) {
 /** `window.bellcrank.live`, for tests: the settings, their values, and what follows from them. */
 const liveFacade = (state) => ({
   get settings() { return state.live.settings.map(({ group, name, path, entry }) => ({ group, name, path, entry })); },
+  get limits() { return state.live.uses.map(([joint, name, place]) => [state.live.joints[joint].name, name, place]); },
   get values() { return [...state.values]; },
   get result() { return { figures: [...state.result.figures], uses: [...state.result.uses], exceeded: [...state.result.exceeded] }; },
   get verdict() { return verdictOf(state); },
@@ -73,6 +74,7 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
     film.traces.forEach((trace, k) => { trace.segments = original.traces[k].map((segment) => ({ ...segment, time: map(segment.time) })); });
     film.arrows.forEach((arrow, k) => { arrow.time = map(original.arrows[k]); });
     const changed = state.changed.length > 0;
+    document.body.classList.toggle("changed", changed);
     const kept = original.events.filter(({ text }) => !changed || /^motion .* begins$/s.test(text));
     film.events.splice(0, film.events.length, ...kept.map((event) => ({ ...event, time: times.at(event.time) })));
     showArrows(changed);
@@ -182,15 +184,13 @@ function columnsOf(chart, curves, live, map, before) {
 /** The curve in the torque-speed plane of a joint, and its limits with new points of the RMS torque. */
 function planeOf(live, result, { time, columns }, joint, limits) {
   const [k, n] = [live.joints.length, live.all_joints.length];
-  const none = new Float64Array(time.length).fill(NaN);
-  const computed = live.joints[joint].computed;
   const points = limits.filter((limit) => limit.points.length === 2).length;
   let number = 0;
   const moved = limits.map((limit) => {
     if (limit.points.length !== 2) return limit;
     const motion = points === result.motions.length ? result.motions[number++] : null;
     const [torque, speed] = live.joints[joint].at_shaft ? [4, 5] : [1, 5];
-    return { ...limit, points: motion && computed ? Float64Array.of(motion.figures[speed * k + joint], motion.figures[torque * k + joint]) : Float64Array.of(NaN, NaN) };
+    return { ...limit, points: motion ? Float64Array.of(motion.figures[speed * k + joint], motion.figures[torque * k + joint]) : Float64Array.of(NaN, NaN) };
   });
-  return { time, x: computed ? columns[k + 2 * n + joint] : none, y: computed ? columns[2 * k + 2 * n + joint] : none, limits: moved };
+  return { time, x: columns[k + 2 * n + joint], y: columns[2 * k + 2 * n + joint], limits: moved };
 }

@@ -53,13 +53,13 @@ function makeLivePanel(panel, state) {
     for (const field of fields) field.show();
     const { figures } = state.result;
     rows.forEach(({ cells, use }, joint) => {
-      const { torque_unit: unit, speed_unit: speed, motor } = live.joints[joint];
+      const { torque_unit: unit, speed_unit: speed, motor, at_shaft: atShaft } = live.joints[joint];
       const units = [unit, unit, speed, "N m", "N m"];
       cells.forEach((cell, kind) => {
-        const known = kind < 3 || (motor && live.joints[joint].computed);
+        const known = kind < 3 || atShaft;
         const own = figures.slice(kind * rows.length, (kind + 1) * rows.length);
         const value = own[joint] < NOISE * largest(own) ? 0 : own[joint];
-        cell.textContent = known ? `${formatNumber(value)} ${units[kind]}` : motor ? "not recomputed" : "–";
+        cell.textContent = known ? `${formatNumber(value)} ${units[kind]}` : motor ? "not known" : "–";
       });
       const largestOf = largestUse(state, joint);
       use.replaceChildren(...useBar(largestOf));
@@ -132,6 +132,9 @@ function makeChangeBar(state) {
     element("span", { className: "acts" }, undo, button("Reset", "All values as in the sizing", () => state.reset()),
       button("Copy command", "The command that gives the same answer", () => offer(commandOf(state))),
       button("Copy YAML", "The changes as a mapping of paths", () => offer(yamlOf(state)))), text);
+  if (document.body.classList.contains("report")) {
+    box.append(element("p", { textContent: "The verdict, tables and pictures of this report are those of the sizing, without these changes." }));
+  }
   for (const kind of ["keydown", "click"]) box.addEventListener(kind, (event) => event.stopPropagation());
   return {
     box,

@@ -70,11 +70,14 @@ function compute(live, functions, values) {
     functions.view("mean").set(along.mean);
     functions.verdict();
     const [figures, uses, exceeded] = ["figures", "uses", "exceeded"].map((name) => functions.view(name).slice());
-    if (![...figures, ...uses].every(Number.isFinite)) throw new RangeError("the torques are not finite numbers");
+    if (!figures.every(Number.isFinite)) throw new RangeError("the torques are not finite numbers");
     return { factor, samples: along.samples, figures, uses, exceeded };
   });
   const worst = (name) => motions[0][name].map((_, k) => Math.max(...motions.map((each) => each[name][k])));
-  return { motions, figures: worst("figures"), uses: worst("uses"), exceeded: worst("exceeded") };
+  const [figures, exceeded] = [worst("figures"), worst("exceeded")];
+  // A use that is unknown along one motion is unknown, unless a limit is exceeded along another one.
+  const uses = worst("uses").map((use, k) => (exceeded[k] ? Math.max(...motions.filter((each) => each.exceeded[k]).map((each) => each.uses[k])) : use));
+  return { motions, figures, uses, exceeded };
 }
 
 /** The largest relative difference from the sizing's own figures; small figures count by the largest of their kind. */
@@ -96,9 +99,9 @@ function agreementOf(live, { figures, uses }) {
 function verdictOf({ live, changed, result }) {
   if (!changed.length) return { ...live.stored, open: [] };
   const beyond = live.uses.filter(([, , place]) => place !== null && result.exceeded[place]);
-  const texts = beyond.map(([joint, name, place]) => `${live.joints[joint].name}: ${name} is exceeded by ${formatNumber(100 * (result.uses[place] - 1), 3)} %`);
+  const texts = beyond.map(([joint, name, place]) => `${live.joints[joint].name}: ${name} is exceeded` + (Number.isFinite(result.uses[place]) ? ` by ${formatNumber(100 * (result.uses[place] - 1), 3)} %` : ""));
   const sentences = [...texts, ...live.exceeded];
-  const open = [...live.uses.filter(([, , place]) => place === null).map(([joint, name]) => `${live.joints[joint].name}: ${name}`), ...live.unjudged];
+  const open = [...live.uses.filter(([, , place]) => place === null || Number.isNaN(result.uses[place])).map(([joint, name]) => `${live.joints[joint].name}: ${name}`), ...live.unjudged];
   if (sentences.length) return { word: "Exceeded", good: false, sentences, open };
   if (live.undetermined.length) return { word: "Not known", good: false, sentences: live.undetermined.map((text) => `in the sizing: ${text}`), open };
   if (!result.uses.length) return { word: "Nothing to compare with", good: null, sentences: ["no limit is recomputed"], open };
@@ -107,7 +110,7 @@ function verdictOf({ live, changed, result }) {
 
 /** The largest known use of the limits of a joint: [name, use], or null. */
 function largestUse({ live, result }, joint) {
-  const own = live.uses.filter(([of, , place]) => of === joint && place !== null).map(([, name, place]) => [name, result.uses[place]]);
+  const own = live.uses.filter(([of, , place]) => of === joint && place !== null && !Number.isNaN(result.uses[place])).map(([, name, place]) => [name, result.uses[place]]);
   return own.reduce((best, each) => (best === null || each[1] > best[1] ? each : best), null);
 }
 
