@@ -113,7 +113,7 @@ def compare(found, sizing):
     """Figures and uses to 1e-9 of the largest of their kind; the verdict is Python's, or is said to be partial.
 
     Torques 5e-9, as quintics have accelerations to 2e-9, so that those of small joints are off by 1e-7.
-    The torque at a shaft: 1e-8, as the rotor times its ratio multiplies the 1e-9 to which quintics have accelerations.
+    The torque at a shaft: 1e-7, as the rotor times its ratio multiplies that error.
     The RMS of it: 1e-6, of joints 1e-7, as both grids miss a bend where a load reverses near an edge; so does the
     average torque of gears.
     Inertias 1e-6 and the torques of currents with a safety factor 1e-5: the judge takes them at samples of its grid,
