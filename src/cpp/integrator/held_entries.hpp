@@ -415,7 +415,8 @@ class Held {
       for (int k = 0; k < n; ++k)
         if (!is_stop(j) && !is_forceless(j) && !is_pin(j) && mode(j).moves && state_[h_.mode_rows[j]] == 0 && closed_[k] &&
             h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0)
-          mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
+          if (has_load_side(j) && k == cause && gives_way) mode(j) = {0, 0, 1, 0};  // by rounding: the stop has let go
+          else mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
     balanced_ = count;
   }
 
