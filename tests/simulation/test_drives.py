@@ -687,7 +687,9 @@ def test_the_twist_of_a_gear_with_hysteresis_follows_dahls_loop_between_its_reve
 
 def test_hysteresis_is_a_spring_for_margins_and_refuses_backlash_in_one_sentence(tmp_path: Path) -> None:
     drive = {"elastic": {"stiffness": C, "damping": 0, "hysteresis": HYSTERESIS}, "servo": {"torque": 0}}
-    (found,) = bc.linearise(bc.load_scene(scene(tmp_path, drive))).drives
+    linear = bc.linearise(bc.load_scene(scene(tmp_path, drive)))
+    assert any("hysteresis of gears as a spring" in note for note in linear.notes)
+    (found,) = linear.drives
     lower = math.sqrt((C + HYSTERESIS["stiffness"]) / LOAD)
     assert found.antiresonances == pytest.approx([lower], rel=1e-9)
     loose = {"stiffness": C, "damping": 0, "backlash": 0.01, "hysteresis": HYSTERESIS}

@@ -57,6 +57,8 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
         *file_notes(scene),
         Note("linear equations leave out dry friction, stops, and the losses and backlash of gears"),
     ]
+    if any(drive.has_hysteresis for drive in drives):
+        notes.append(Note("linear equations take the hysteresis of gears as a spring, as small motions do"))
     if any(drive.servo is not None and drive.cascade is None for drive in drives):
         notes.append(
             Note("the matrices leave out servos of kind state_space; margins and bandwidths of the drives do not")
