@@ -35,7 +35,7 @@ OBJECTIVES = ("mass", "cost", "loss", "margin")
 MOST_CANDIDATES = 1000
 
 MAIN_OPTIONS = (  # the others are listed by --help-all
-    "--motion", "--catalogue", "--objective", "--keep", "--vary", "--payload", "--voltage", "--safety-factor",
+    "--motion", "--catalogue", "--objective", "--keep", "--payload", "--voltage", "--safety-factor",
     "--write-config", "--page", "--out",
 )  # fmt: skip
 

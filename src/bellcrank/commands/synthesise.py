@@ -15,6 +15,7 @@ from bellcrank.files.json_files import write_json
 from bellcrank.terminal.progress import share_bar
 
 NAMES = ("points.csv", "synthesis.json", "synthesis.png", "linkage.yaml", "linkage.urdf")
+_ARGUMENT = re.compile(r"argument '(\w+)'")  # as the errors of bc.synthesise name what they are about
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
                 "timing": f"{file}: column 'crank'" if arguments.timing is None else "--timing",
                 "transmission_angle": "--transmission-angle",
             }
-            raise InputError(re.sub(r"argument '(\w+)'", lambda found: given[found[1]], str(error))) from None
+            raise InputError(_ARGUMENT.sub(lambda found: given[found[1]], str(error))) from None
         except BellcrankError as error:
             write_json(folder / NAMES[1], {"linkage": "four_bar", "status": str(error), "linkages": []})
             print(f"bellcrank: {error}", file=sys.stderr)
