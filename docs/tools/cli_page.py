@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bellcrank.commands.parser import Parser
 from bellcrank.commands.parser import parser as whole_parser
 
 HEAD = """# Command line reference
@@ -23,7 +24,11 @@ Made from the command line's own parsers; `bellcrank COMMAND --help` prints the 
 def commands() -> dict[str, argparse.ArgumentParser]:
     """The parser of each command by name."""
     names = _subparsers(whole_parser([])).choices
-    return {name: _subparsers(whole_parser([name])).choices[name] for name in names}
+    parsers = {name: _subparsers(whole_parser([name])).choices[name] for name in names}
+    for parser in parsers.values():
+        assert isinstance(parser, Parser)
+        parser.restore_help()
+    return parsers
 
 
 def page() -> str:
@@ -60,4 +65,5 @@ def _row(action: argparse.Action) -> str:
         name = ", ".join(action.option_strings)
         name += f" {metavar}" if action.nargs != 0 else ""
     meaning = (action.help or "").replace("%%", "%").replace("|", "\\|")
+    name = name.replace("|", "\\|")  # in a cell of a table
     return f"| `{name}` | {meaning[:1].upper() + meaning[1:]} |"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from bellcrank.messages import unknown_name
 from bellcrank.version import version
@@ -48,6 +49,8 @@ OVERVIEW = """bellcrank {version}: size the motors of robots, and simulate robot
 class Parser(argparse.ArgumentParser):
     """A parser that suggests the nearest word where one is not known, and may keep options for --help-all."""
 
+    kept: Mapping[argparse.Action, str | None] = MappingProxyType({})
+
     def shorten_help(self, main: Sequence[str]) -> None:
         """Leave out of --help, but not of --help-all, all options but the main ones, which come first."""
         self.add_argument("--help-all", action=_HelpAll, nargs=0, help=f"list all {len(self._actions)} options")
@@ -61,6 +64,11 @@ class Parser(argparse.ArgumentParser):
             group._group_actions.sort(key=lambda action: shown.index(action) if action in shown else len(shown))
         self._actions.sort(key=lambda action: shown.index(action) if action in shown else len(shown))
 
+    def restore_help(self) -> None:
+        """Show again what `shorten_help` left out."""
+        for action, text in self.kept.items():
+            action.help = text
+
     def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:
             kind = "command" if isinstance(action, argparse._SubParsersAction) else "value"
@@ -70,8 +78,7 @@ class Parser(argparse.ArgumentParser):
 class _HelpAll(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
         assert isinstance(parser, Parser)
-        for action, text in parser.kept.items():
-            action.help = text
+        parser.restore_help()
         parser.print_help()
         parser.exit()
 
