@@ -4,7 +4,8 @@ In turn: chains of 1 to 5 joints, most with dry friction, whose rows are compare
 dense solves; arms of 2 to 4 joints with stops, some with friction and brakes that come and go, in which energy never
 rises, no stop is penetrated, stops only push, and the first impact is that of a dense solution; and four-bars with
 friction in all four pins, against the enumeration of modes with a dense KKT system; and chains behind rigid gears with
-losses by load, against the enumeration of their sides, half of them with stops, in which no impact raises the energy.
+losses by load, against the enumeration of their sides, half of them with stops, in which no impact raises the energy;
+and chains behind rigid gears with backlash, against the enumeration of their modes.
 
 python -m tests.campaigns.hybrid_scenes --cases 10000 --seed 1
 """
@@ -18,8 +19,18 @@ from tests.simulation.test_dry_friction import check_chain
 from tests.simulation.test_gear_losses import check_geared, check_geared_stops
 from tests.simulation.test_joint_stops import check_arm
 from tests.simulation.test_pin_friction import check_random_four_bar
+from tests.simulation.test_rigid_backlash import check_rattling
 
-CHECKS = (check_chain, check_arm, check_random_four_bar, check_geared, check_arm, check_chain, check_geared_stops)
+CHECKS = (
+    check_chain,
+    check_arm,
+    check_random_four_bar,
+    check_geared,
+    check_arm,
+    check_rattling,
+    check_chain,
+    check_geared_stops,
+)
 
 
 def main():

@@ -24,6 +24,7 @@ from bellcrank.dynamics.kkt import REFINEMENTS, ConstrainedSolution, Factor, Kkt
 from bellcrank.dynamics.reactions import ConstraintReactions
 from bellcrank.dynamics.stuck_joints import StuckJoints, key_of
 from bellcrank.elements.dry_friction import RestingJoint
+from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.symbols import Additions, Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.joints import lengths_in_velocity
@@ -195,13 +196,14 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
             joints = _stuck_joints(scene, s, gains)
             response = joints.responses(chain.responses(joints.unit_forces(robot.nv)), robot.nv)
             inertia = joints.inertias(casadi.diag(mass_matrix(s) if chain.mass is None else chain.mass))
-            before = casadi.vertcat(acceleration, z_rate)
+            before = joints.relative(casadi.vertcat(acceleration, z_rate))
             forces = joints.forces(joints.accelerations(before), response, inertia, regular=not joints.ways)
-            acceleration, rates = _parted(joints.at_rest(before + response @ forces), robot.nv)
+            acceleration, rates = _parted(joints.at_rest(before + response[:, : joints.count] @ forces), robot.nv)
             held = _Held(forces, joints.switches(forces), joints.turn(before, response, inertia), rates)
     for k, part in enumerate(held_parts[: held.forces.numel()]):
         s.holding[part.name] = held.forces[k]
-        if part.rotor is None and not isinstance(part, RestingJoint):
+        on_rotor = isinstance(part, RotorFriction) and part.drive.has_own_rotor
+        if not on_rotor and not isinstance(part, RestingJoint):
             passive += part.along(s, held.forces[k])
     if losses is not None:
         losses.set_forces(acceleration, s)
@@ -258,7 +260,7 @@ def assemble(scene: Scene, *, held_sides: bool = True, additions: bool = False) 
         solution=solution,
         mode_switches=held.switches,
         mode_turn=held.turn,
-        impacts=bool(scene.stops_of_joints),
+        impacts=bool(scene.contacts),
     )
 
 
@@ -334,7 +336,7 @@ def _with_stuck_joints(
         found: KktSolution, responses: list[tuple[casadi.SX, casadi.SX]]
     ) -> tuple[KktSolution, casadi.SX, casadi.SX]:
         response = joints.responses([a for a, _ in responses], nv)
-        before = casadi.vertcat(found.acceleration, z_rate)
+        before = joints.relative(casadi.vertcat(found.acceleration, z_rate))
         forces = joints.forces(joints.accelerations(before), response, inertia, regular=False)
         acceleration, rates = _parted(joints.at_rest(before + response[:, : joints.count] @ forces), nv)
         reactions = casadi.horzcat(casadi.SX(m, 0), *[r for _, r in responses[: len(own)]])
@@ -353,7 +355,7 @@ def _with_stuck_joints(
     plain, _, _ = held(solution.plain, [solution.plain_factor.solve(e, none) for e in units])
     slow, forces, rates = held(solution.proximal, regular)
     quick = casadi.horzcat(casadi.SX(m, 0), *[solution.proximal_factor.solve(e, none)[1] for e in units[: len(own)]])
-    before = casadi.vertcat(solution.proximal.acceleration, z_rate)
+    before = joints.relative(casadi.vertcat(solution.proximal.acceleration, z_rate))
     turn = joints.turn(before, joints.responses([a for a, _ in regular], nv), inertia)
     quick_multipliers = solution.event_multipliers + quick @ (place.T @ forces)
     return replace(solution, plain=plain, proximal=slow, event_multipliers=quick_multipliers), _Held(

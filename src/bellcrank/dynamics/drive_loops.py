@@ -122,6 +122,11 @@ def refuse_nonlinear(scene: Scene) -> None:
     for joint in scene.robot.joints if not scene.constraints else ():
         if joint.nv != 1 or joint.nq != 1:
             raise InputError(f"{scene.source}: {what}; joint '{joint.name}' is {joint.kind}")
+    if rattling := [drive.joint.name for drive in scene.drives if drive.contact is not None]:
+        raise InputError(
+            f"{scene.source}: the drive of '{rattling[0]}' has a rigid gear with backlash, which has no linear "
+            "equations; give it a stiffness, or give 'gains'"
+        )
     smooth = (*scene.drives, *scene.dry_friction)
     if any(part.switches for part in scene.elements if part not in smooth and not isinstance(part, RotorFriction)):
         raise InputError(f"{scene.source}: forces with switches have no linear equations at them; remove them")

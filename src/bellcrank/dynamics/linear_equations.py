@@ -204,7 +204,7 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
             f"{scene.source}: control '{sampled[0]}' is sampled, so the equations have no linear form in continuous "
             "time; remove it, and close the loop with the discrete model (scipy.signal.cont2discrete)"
         )
-    if parts := (*scene.dry_friction, *scene.stops_of_joints):
+    if parts := (*scene.dry_friction, *scene.contacts):
         remedy = "give it a smoothed friction (forces, kind: friction), or none" if scene.dry_friction else "remove it"
         raise InputError(
             f"{scene.source}: {key_of(parts[0])}: a joint that sticks or meets a stop has no linear equations; {remedy}"

@@ -60,7 +60,7 @@ def scene_casadi(scene: Scene) -> casadi.Function:
             f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which this "
             "function does not take; remove its 'model'"
         )
-    switches = bool(scene.dry_friction or scene.stops_of_joints) or any(part.switches for part in scene.elements)
+    switches = bool(scene.dry_friction or scene.contacts) or any(part.switches for part in scene.elements)
     assembly = assemble(scene, held_sides=False) if switches else system_of(scene).assembly
     multipliers = casadi.SX(0, 1) if assembly.solution is None else assembly.solution.proximal.multipliers
     outputs = [assembly.rate, assembly.acceleration, multipliers]

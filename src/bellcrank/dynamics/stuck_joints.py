@@ -43,8 +43,11 @@ class StuckJoints:
 
     Attributes:
         rows: The rows of their velocities in v and the auxiliary states after it; −1 for pins of loops.
-        rotors: The inertia of a rotor of its own, by its place among them; the others are joints or pins.
-        ways: G (1, nv) of the pins, and `drifts` Ġ v, by their places.
+        rotors: The inertia of a rotor of its own, by its place among them; the others are joints, pins or gears.
+        own: Of rotors and gears with backlash, by their places, which entry of these velocities a unit force
+            accelerates beside the robot, and by how much.
+        twists: The joints whose velocities the twist rates of gears are relative to, by their places: entries of v.
+        ways: G of the pins and of rotors behind gears with backlash, and `drifts` Ġ v, by their places.
         width: The number of velocities and auxiliary states.
         count: n, those with forces, which are the first.
         direction: 1 forwards, −1 backwards, of joints that slide or are at their largest friction; 1 at a lower and −1
@@ -60,6 +63,8 @@ class StuckJoints:
 
     rows: tuple[int, ...]
     rotors: dict[int, casadi.SX]
+    own: dict[int, tuple[int, casadi.SX]]
+    twists: dict[int, int]
     ways: dict[int, casadi.SX]
     drifts: dict[int, casadi.SX]
     width: int
@@ -87,7 +92,12 @@ class StuckJoints:
         return cls(
             tuple(shaft.row for shaft in shafts),
             {k: shaft.inertia for k, shaft in enumerate(shafts) if shaft.inertia is not None},
-            {k: casadi.jacobian(velocity, s.v) for k, velocity in pins.items()},
+            {k: shaft.own for k, shaft in enumerate(shafts) if shaft.own is not None},
+            {k: shaft.against for k, shaft in enumerate(shafts) if shaft.against is not None},
+            {
+                k: casadi.jacobian(velocity, s.v if shafts[k].inertia is None else casadi.vertcat(s.v, s.z))
+                for k, velocity in pins.items()
+            },
             {k: time_derivative(velocity, s) + damping * velocity for k, velocity in pins.items()},
             s.robot.nv + s.z.numel(),
             sum(not isinstance(part, RestingJoint) for part in parts),
@@ -106,22 +116,37 @@ class StuckJoints:
         """The generalised forces (nv) of unit forces at those that are not rotors, in their order."""
         import casadi
 
-        places = [k for k in range(len(self.rows)) if k not in self.rotors]
-        return [self.ways[k].T if k in self.ways else casadi.SX(casadi.DM.eye(nv)[:, self.rows[k]]) for k in places]
+        eye, found = casadi.DM.eye(nv), []
+        for k, row in enumerate(self.rows):
+            if k in self.twists:
+                found.append(casadi.SX(-eye[:, self.twists[k]]))
+            elif k not in self.rotors:
+                found.append(self.ways[k].T if k in self.ways else casadi.SX(eye[:, row]))
+        return found
 
     def responses(self, of_robot: Sequence[casadi.SX], nv: int) -> casadi.SX:
         """C (width, m) from the accelerations (nv) by `unit_forces`."""
         import casadi
 
         found, others = [], iter(of_robot)
-        for k, row in enumerate(self.rows):
+        for k in range(len(self.rows)):
             column = casadi.SX(self.width, 1)
-            if k in self.rotors:
-                column[row] = 1.0 / self.rotors[k]
-            else:
+            if k not in self.rotors:
                 column[:nv] = next(others)
-            found.append(column)
+            if k in self.own:
+                row, compliance = self.own[k]
+                column[row] = compliance
+            found.append(self.relative(column))
         return casadi.horzcat(*found)
+
+    def relative(self, accelerations: casadi.SX) -> casadi.SX:
+        """Accelerations (width) of which those of twists, still of their rotors over the ratio, become relative."""
+        import casadi
+
+        found = casadi.SX(accelerations)
+        for k, joint in self.twists.items():
+            found[self.rows[k]] -= found[joint]
+        return found
 
     def inertias(self, diagonal: casadi.SX) -> casadi.SX:
         """The own inertias (m) of rotors, and those of joints and pins by the diagonal of M (nv)."""
@@ -129,9 +154,11 @@ class StuckJoints:
 
         found = []
         for k, row in enumerate(self.rows):
-            if k in self.ways:
+            if k in self.ways and k not in self.rotors:
                 way = casadi.densify(self.ways[k].T)
                 found.append(1.0 / (casadi.sum1(way * way / diagonal) + 1.0 / FAR))
+            elif k in self.twists:
+                found.append(1.0 / (self.own[k][1] + 1.0 / diagonal[self.twists[k]]))
             else:
                 found.append(self.rotors[k] if k in self.rotors else diagonal[row])
         return casadi.vertcat(*found)
@@ -191,10 +218,12 @@ class StuckJoints:
         import casadi
 
         change = self.at_rest(change)
-        if not self.ways:
+        if not {*self.ways} - {*self.rotors}:
             return change
         rest = casadi.SX(self.width - change.numel(), 1)
         rates = self.entries(casadi.vertcat(velocity + change, rest))
+        for k in {*self.ways} & {*self.rotors}:  # which constraints do not move
+            rates[k] = 0.0
         more = response[:, : self.count] @ self.forces(rates, response, inertia, regular=False)
         return self.at_rest(change + more[: change.numel()])
 
@@ -276,7 +305,7 @@ def _stop(part: JointStop, mode: Sequence[casadi.SX], s: Symbols) -> _Part:
     import casadi
 
     direction, moves, holds, _ = mode
-    lower, upper, place = part.end(s, "lower"), part.end(s, "upper"), s.joint(part.joint).position
+    lower, upper, place = part.end(s, "lower"), part.end(s, "upper"), part.position(s)
     above, below = math.isfinite(part.number("lower")), math.isfinite(part.number("upper"))
     room = place - lower if above else upper - place
     if above and below:

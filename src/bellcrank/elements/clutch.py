@@ -16,8 +16,7 @@ from bellcrank.elements.dry_friction import LAWS, DryFriction, engagement, read_
 from bellcrank.elements.element import POSITIVE, Force, Settable, joint_named, joint_unit, number, read_joint
 from bellcrank.elements.expression import Expression
 from bellcrank.elements.formulas import FormulaReader
-from bellcrank.elements.joint_forces import Shaft
-from bellcrank.elements.pin_friction import NO_ROW
+from bellcrank.elements.joint_forces import NO_ROW, Shaft
 from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:

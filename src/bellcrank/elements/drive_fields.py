@@ -23,6 +23,7 @@ from bellcrank.elements.servo_fields import read_servo
 from bellcrank.robot.robot import Robot, RobotJoint
 
 PER_AMPLITUDE = {"phase_peak": 1.0, "phase_rms": 1.0 / math.sqrt(2.0)}  # torque constants, over the basis
+RIGID = "rigid"  # in place of a stiffness
 LEAST_RATIO = 1e-9  # of a gear, whose square occurs
 
 
@@ -52,7 +53,7 @@ def read_drives(
             continue
         joint = joint_named(entries, name, name, robot)
         drive = _drive(entry, joint, actuators[name], context)
-        if not drive.is_elastic and drive.friction is not None and name in sticking:
+        if not drive.has_own_rotor and drive.friction is not None and name in sticking:
             raise entry.error(
                 "model",
                 f"joint '{name}' has dry_friction or a brake, and the rotor's friction acts there too, since the "
@@ -60,7 +61,7 @@ def read_drives(
                 + ("" if drive.loses_by_load else ", or rotor_friction: none and add the two"),
             )
         for taken in names:
-            if taken in (drive.name, f"rotor_friction_{name}"):
+            if taken in (drive.name, f"rotor_friction_{name}", f"gear_contact_{name}"):
                 raise entry.error("model", f"the name '{taken}' is taken by a force; give the force another name")
         for part in control:
             if name in [each.name for each in part.joints]:
@@ -175,6 +176,8 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
         assert gear.driven_efficiency is not None
         return {"ratio": ratio, "efficiency": gear.efficiency, "back_efficiency": gear.driven_efficiency}
     elastic = entry.mapping("elastic")
+    if elastic.raw("stiffness", None) == RIGID:
+        return {"ratio": ratio, **_rigid_backlash(elastic, joint, gear), **_own_rotor(entry, motor, gear)}
     elastic.only(("stiffness", "damping", "backlash", "hysteresis"))
     if "stiffness" in elastic or gear.stiffness is None:
         stiffness = number(elastic, "stiffness", joint_unit(joint, "stiffness"), bound=POSITIVE)
@@ -184,19 +187,42 @@ def _gear_numbers(entry: Fields, joint: RobotJoint, motor: Motor, gear: Gear) ->
     backlash = number(elastic, "backlash", joint_unit(joint, "position"), gear.backlash or 0.0, NONNEGATIVE)
     hysteresis = _hysteresis(elastic, joint, backlash) if "hysteresis" in elastic else {}
     elastic.done()
-    missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia),
-                                      ("gear.efficiency", gear.efficiency)) if value is None]  # fmt: skip
+    rotor = _own_rotor(entry, motor, gear)
+    if gear.efficiency is None:
+        raise entry.error("elastic", "an elastic gear requires gear.efficiency; state or assume it")
+    assert gear.driven_efficiency is not None
+    return {"ratio": ratio, "stiffness": stiffness, "damping": damping, "backlash": backlash, **rotor,
+            "efficiency": gear.efficiency, "back_efficiency": gear.driven_efficiency, **hysteresis}  # fmt: skip
+
+
+def _own_rotor(entry: Fields, motor: Motor, gear: Gear) -> dict[str, float]:
+    """The inertia of a rotor that turns by itself."""
+    missing = [key for key, value in (("motor.rotor_inertia", motor.rotor_inertia), ("gear.inertia", gear.inertia))
+               if value is None]  # fmt: skip
     if missing:
         raise entry.error("elastic", f"an elastic gear requires {' and '.join(missing)}; state or assume it")
-    assert motor.rotor_inertia is not None and gear.inertia is not None and gear.efficiency is not None
-    inertia, back = motor.rotor_inertia + gear.inertia, gear.driven_efficiency
+    assert motor.rotor_inertia is not None and gear.inertia is not None
+    inertia = motor.rotor_inertia + gear.inertia
     if not inertia > 0.0:
         raise entry.error(
             "elastic", "behind an elastic gear the rotor turns by itself; give it an inertia of more than 0"
         )
-    assert back is not None
-    return {"ratio": ratio, "inertia": inertia, "stiffness": stiffness, "damping": damping, "backlash": backlash,
-            "efficiency": gear.efficiency, "back_efficiency": back, **hysteresis}  # fmt: skip
+    return {"inertia": inertia}
+
+
+def _rigid_backlash(elastic: Fields, joint: RobotJoint, gear: Gear) -> dict[str, float]:
+    """The gap of a rigid gear, and the restitution of its flanks."""
+    elastic.only(("stiffness", "backlash", "restitution"))
+    backlash = number(elastic, "backlash", joint_unit(joint, "position"), gear.backlash or 0.0, NONNEGATIVE)
+    if not backlash:
+        raise elastic.error(
+            "backlash", "a rigid gear without backlash has no 'elastic'; give its backlash, or remove it"
+        )
+    restitution = number(elastic, "restitution", "", 0.0, NONNEGATIVE)
+    if restitution > 1.0:
+        raise elastic.error("restitution", f"expected 0 to 1, found {restitution:g}")
+    elastic.done()
+    return {"backlash": backlash, "restitution": restitution}
 
 
 def _hysteresis(elastic: Fields, joint: RobotJoint, backlash: float) -> dict[str, float]:

@@ -5,6 +5,8 @@ An entry of `actuators` with a `model` is a drive. Its figures are those of the 
 
     δ = φ/N − q,    F = c δ + d δ̇      with `elastic`: F acts on the joint, and J ω̇ = T − F/N − friction
     |δ| < b/2:      F = 0               with backlash b; beyond it c (|δ| − b/2) + d δ̇ sign δ pushes, and never pulls
+    |δ| ≤ b/2                           with a rigid gear and backlash: F pushes at the ends, which are stops of δ
+                                        (joint_stops.py); δ and δ̇ are states, J N (q̈ + δ̈) = T − F/N − friction
     F + h,  ḣ = k (δ̇ − |δ̇| h/h₀)        with hysteresis: a force h of at most h₀ that a reversal turns round
     φ = N q                             without it: N T acts on the joint, and the rotor's inertia is the joint's
 
@@ -51,6 +53,7 @@ from bellcrank.elements.element import (  # fmt: skip
 )
 from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.held_inputs import HeldSource
+from bellcrank.elements.joint_stops import GearContact
 from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.sampled_controllers import Instants
 from bellcrank.elements.servos import Cascade, Servo
@@ -76,9 +79,10 @@ class Drive(Controller):
 
     Attributes:
         model: "torque", "dc" or "dq".
-        gear: Its ratio; efficiency and back_efficiency, which a rigid gear may not state; with an elastic gear also the
-            inertia J at the rotor, stiffness c, damping d and backlash b, and hysteresis_torque h₀ with
-            hysteresis_stiffness k where it has hysteresis.
+        gear: Its ratio; efficiency and back_efficiency, which a rigid gear may not state; where the rotor has states of
+            its own also the inertia J at the rotor and the backlash b; with an elastic gear stiffness c and damping d,
+            and hysteresis_torque h₀ with hysteresis_stiffness k where it has hysteresis; with a rigid gear that has
+            backlash the restitution of its flanks.
         loss: The rotor's friction: coulomb, static, speed, viscous.
         law: How friction falls from static to Coulomb (dry_friction.py).
         circuit: Of `dc`: resistance R, inductance L, torque_constant k_t, voltage_constant k_e, and the bus voltage; of
@@ -112,9 +116,19 @@ class Drive(Controller):
         return self.joints[0]
 
     @property
+    def has_own_rotor(self) -> bool:
+        """Whether the rotor has states of its own: its gear is elastic or has backlash."""
+        return "inertia" in self.gear
+
+    @property
     def is_elastic(self) -> bool:
-        """Whether the rotor has states of its own."""
+        """Whether the gear is."""
         return "stiffness" in self.gear
+
+    @property
+    def has_rigid_backlash(self) -> bool:
+        """Whether the gear is rigid and has a gap."""
+        return self.has_own_rotor and not self.is_elastic
 
     @property
     def cascade(self) -> Cascade | None:
@@ -131,6 +145,7 @@ class Drive(Controller):
         if self.is_elastic:
             found["gear.stiffness"] = Settable(joint_unit(joint, "stiffness"), POSITIVE)
             found["gear.damping"] = Settable(joint_unit(joint, "damping"), NONNEGATIVE)
+        if self.has_own_rotor:
             found["gear.inertia"] = Settable("kg m^2", POSITIVE)
         if self.friction is not None and self.loss["coulomb"]:
             found["loss.coulomb"] = Settable(
@@ -156,7 +171,7 @@ class Drive(Controller):
     def formulas(self) -> tuple[Expression, ...]:
         """The command, and the two sides of a backlash."""
         command = () if self.command is None else (self.command,)
-        return command if not self.has_backlash else (*command, *self._pushes)
+        return (*command, *self._pushes) if self.is_elastic and self.has_backlash else command
 
     @property
     def has_hysteresis(self) -> bool:
@@ -210,6 +225,15 @@ class Drive(Controller):
         return found[0], found[1]
 
     @property
+    def contact(self) -> GearContact | None:
+        """The flanks of a rigid gear with backlash; None for others."""
+        if not self.has_rigid_backlash:
+            return None
+        half = 0.5 * self.gear["backlash"]
+        name = f"gear_contact_{self.joint.name}"
+        return GearContact(name, self.place, self.joint, -half, half, self.gear["restitution"], drive=self)
+
+    @property
     def frames(self) -> tuple[str, ...]:
         """The frames in the command, or in what the servo measures."""
         source = self.command if self.servo is None else self.servo
@@ -252,6 +276,11 @@ class Drive(Controller):
     def auxiliary(self) -> AuxiliaryStates | None:
         """Rotor, current and the integrators of the servo."""
         labels = ["rotor position [rad]", "rotor velocity [rad/s]"] if self.is_elastic else []
+        if self.has_rigid_backlash:
+            labels = [
+                f"twist [{joint_unit(self.joint, 'position')}]",
+                f"twist rate [{joint_unit(self.joint, 'velocity')}]",
+            ]
         labels += [f"hysteresis force [{joint_unit(self.joint, 'torque')}]"] if self.has_hysteresis else []
         labels += {"dc": ["current [A]"], "dq": ["q current [A]", "d current [A]"]}.get(self.model, [])
         labels += list(TEMPERATURES) if self.heat else []
@@ -261,7 +290,7 @@ class Drive(Controller):
     @property
     def _mechanical(self) -> int:
         """How many of its states are those of rotor and gear."""
-        return 2 * self.is_elastic + self.has_hysteresis
+        return 2 * self.has_own_rotor + self.has_hysteresis
 
     def _states(self, symbols: Symbols) -> list[casadi.SX]:
         import casadi
@@ -274,8 +303,11 @@ class Drive(Controller):
         if self.is_elastic:
             angle, speed, *_ = self._states(symbols)
             return angle, speed
-        position, velocity, _ = symbols.joint(self.joint)
-        return self.gear["ratio"] * position, self.gear["ratio"] * velocity
+        (position, velocity, _), ratio = symbols.joint(self.joint), self.gear["ratio"]
+        if self.has_rigid_backlash:
+            twist, rate, *_ = self._states(symbols)
+            return ratio * (position + twist), ratio * (velocity + rate)
+        return ratio * position, ratio * velocity
 
     def gear_force(self, symbols: Symbols) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
         """The force of an elastic gear on the joint (N m or N), its potential energy (J) and its power loss (W)."""
@@ -464,13 +496,16 @@ class Drive(Controller):
         _, speed = self.rotor(symbols)
         friction = self._friction_torque(symbols)
         power = (torque + friction) * speed
+        kinetic = 0.5 * self.value(symbols, "gear.inertia") * speed * speed if self.has_own_rotor else None
+        if self.has_rigid_backlash:  # whose force follows from the equations of motion
+            none = symbols.joint_force(self.joint.v, 0.0)
+            return GeneralisedForce(none, symbols.zero, power, True, kinetic)
         if not self.is_elastic:
             force, lost = self.gear["ratio"] * (torque + friction), symbols.holding.get(self.name)
             if lost is not None:  # by the load of the gear, as soon as accelerations are known
                 force, power = force + lost, power + lost * symbols.joint(self.joint).velocity
             return GeneralisedForce(symbols.joint_force(self.joint.v, force), symbols.zero, power, True)
         force, potential, lost = self.gear_force(symbols)
-        kinetic = 0.5 * self.value(symbols, "gear.inertia") * speed * speed
         return GeneralisedForce(symbols.joint_force(self.joint.v, force), potential, power - lost, True, kinetic)
 
     def _friction_torque(self, symbols: Symbols) -> casadi.SX:
@@ -480,11 +515,14 @@ class Drive(Controller):
         return viscous if friction is None else viscous + friction.at_rotor(symbols)
 
     def auxiliary_rate(self, symbols: Symbols) -> casadi.SX:
-        """The rates of its states."""
+        """The rates of its states; that of a twist rate still without the joint's acceleration (`GearContact.row`)."""
         import casadi
 
         _, speed = self.rotor(symbols)
         rates: list[casadi.SX] = []
+        if self.has_rigid_backlash:
+            torque = self.torque(symbols) + self._friction_torque(symbols)
+            rates += [self._states(symbols)[1], torque / (self.value(symbols, "gear.inertia") * self.gear["ratio"])]
         if self.is_elastic:
             load = self.gear_force(symbols)[0] / self.gear["ratio"]
             rates += [
@@ -532,8 +570,11 @@ class Drive(Controller):
         load, ratio = symbols.load_at_start[row], self.gear["ratio"]
         speed, torque = ratio * velocity, load / ratio
         found: list[casadi.SX] = []
-        if self.is_elastic:
+        if self.has_own_rotor:
             gap = 0.5 * self.gear["backlash"] * casadi.sign(load)
+        if self.has_rigid_backlash:
+            found += [gap, symbols.zero]
+        elif self.is_elastic:
             found += [ratio * (position + load / self.value(symbols, "gear.stiffness") + gap), speed]
             found += [symbols.zero] if self.has_hysteresis else []
         if self.model != "torque":
@@ -551,7 +592,7 @@ class Drive(Controller):
         """The columns of an output."""
         unit = joint_unit(self.joint, "torque")
         found = ["motor torque [N m]", "rotor velocity [rad/s]", f"gear output [{unit}]"]
-        if self.is_elastic:
+        if self.has_own_rotor:
             found.append(f"twist [{joint_unit(self.joint, 'position')}]")
         if self.model != "torque":
             found += ["current [A]", "voltage [V]"]
@@ -575,7 +616,10 @@ class Drive(Controller):
         angle, speed = self.rotor(symbols)
         position = symbols.joint(self.joint).position
         found = [self.torque(symbols), speed, self.generalised_force(symbols).force[self.joint.v]]
-        if self.is_elastic:
+        if self.contact is not None:
+            found[2] -= symbols.holding.get(self.contact.name, 0.0)
+            found.append(self._states(symbols)[0])
+        elif self.is_elastic:
             found.append(angle / self.gear["ratio"] - position)
         elif self.friction is not None:
             found[2] += symbols.holding.get(self.friction.name, 0.0)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 REQUIRED: Final = None  # as a default in NUMBERS
+NO_ROW: Final = -1  # a row that is none of v and the auxiliary states
 Numbers = Mapping[str, tuple[str, float | None, Bound]]
 
 
@@ -43,11 +44,16 @@ class Shaft(NamedTuple):
         velocity: rad/s or m/s.
         row: The place of the velocity in v and the auxiliary states; −1: it is none of them, as at a pin of a loop.
         inertia: The own inertia of a rotor; None: the robot moves it.
+        own: Of a rotor, or of the twist of a gear: the place of its velocity in v and the auxiliary states, and how
+            much a unit force accelerates it beside what the robot does.
+        against: Of the twist of a gear, which is a motion relative to a joint: the place of the joint's velocity in v.
     """
 
     velocity: casadi.SX
     row: int
     inertia: casadi.SX | None = None
+    own: tuple[int, casadi.SX] | None = None
+    against: int | None = None
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,15 @@
 `joint_stops: from_file` gives every joint with a range in the robot file a stop without restitution. With `stiffness`
 the stop is elastic: a force −max(0, stiffness δ + damping δ̇) at the depth δ. With `latch` a rigid stop holds the joint
 once it is reached; with `stop: true` the run ends after the first impact. Source of the law of impact: Newton's;
-where several stops are struck at once and it would raise the energy, Poisson's (stuck_joints.py).
+where several stops are struck at once and it would raise the energy, Poisson's (stuck_joints.py). The flanks of a rigid
+gear with backlash are stops of its twist.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
@@ -30,12 +31,14 @@ from bellcrank.elements.element import (  # fmt: skip
 )
 from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.held_inputs import HeldSource, held_source
-from bellcrank.elements.joint_forces import JointForce, JointLoad
+from bellcrank.elements.joint_forces import JointForce, JointLoad, Shaft
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     import casadi
 
+    from bellcrank.elements.auxiliary_states import AuxiliaryStates
+    from bellcrank.elements.drives import Drive
     from bellcrank.elements.symbols import Symbols
 
 KEY: Final = "stop"
@@ -60,6 +63,15 @@ class JointStop(JointForce):
         unit = joint_unit(self.joint, "position")
         found = {key: Settable(unit, ANY) for key in ("lower", "upper") if math.isfinite(self.number(key))}
         return found if self.latch else {**found, "restitution": Settable("", NONNEGATIVE)}
+
+    @property
+    def held(self) -> str:
+        """The name of what it stops: its joint."""
+        return self.joint.name
+
+    def position(self, symbols: Symbols) -> casadi.SX:
+        """The position of what it stops, rad or m."""
+        return symbols.joint(self.joint).position
 
     @property
     def mode(self) -> HeldSource:
@@ -87,6 +99,45 @@ class JointStop(JointForce):
         import casadi
 
         return casadi.SX(symbols.holding.get(self.name, 0.0))
+
+
+@dataclass(frozen=True)
+class GearContact(JointStop):
+    """The flanks of a rigid gear with backlash, which stop the twist δ = φ/N − q of its drive; see drives.py."""
+
+    drive: Drive = field(repr=False, kw_only=True)
+
+    @property
+    def settable(self) -> dict[str, Settable]:
+        """None."""
+        return {}
+
+    @property
+    def held(self) -> str:
+        """The name of the gear."""
+        return f"{self.joint.name} gear"
+
+    @property
+    def rotor(self) -> tuple[AuxiliaryStates, int]:
+        """The rate of the twist among the states of the drive."""
+        states = self.drive.auxiliary
+        assert states is not None
+        return states, 1
+
+    def position(self, symbols: Symbols) -> casadi.SX:
+        """The twist, rad or m."""
+        return symbols.auxiliary(self.rotor[0])[0]
+
+    def shaft(self, symbols: Symbols) -> Shaft:
+        """The twist. A unit force turns the rotor forwards and the joint backwards."""
+        states, ratio = self.rotor[0], self.drive.gear["ratio"]
+        row = symbols.robot.nv + symbols.auxiliary_place(states) + 1
+        compliance = 1.0 / (ratio * ratio * self.drive.value(symbols, "gear.inertia"))
+        return Shaft(symbols.auxiliary(states)[1], row, own=(row, symbols.zero + compliance), against=self.joint.v)
+
+    def along(self, symbols: Symbols, force: casadi.SX) -> casadi.SX:
+        """The generalised force (nv) of a force at the twist."""
+        return symbols.joint_force(self.joint.v, -force)
 
 
 def read_joint_stops(

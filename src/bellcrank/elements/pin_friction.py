@@ -17,7 +17,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.dry_friction import KEY, DryFriction, friction_law
 from bellcrank.elements.element import Force
-from bellcrank.elements.joint_forces import Shaft
+from bellcrank.elements.joint_forces import NO_ROW, Shaft
 from bellcrank.elements.loop_constraints import Hinge, Loop, Point, read_direction
 from bellcrank.elements.loop_joints import Prismatic
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 PINS = (Point.kind, Hinge.kind, Prismatic.kind)
-NO_ROW = -1  # a row that is none of v and the auxiliary states
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction
 from bellcrank.elements.element import GeneralisedForce
 from bellcrank.elements.expression import Expression, Term
-from bellcrank.elements.joint_forces import Shaft
+from bellcrank.elements.joint_forces import NO_ROW, Shaft
 
 if TYPE_CHECKING:
     import casadi
@@ -28,22 +28,31 @@ class RotorFriction(JointDryFriction):
 
     @property
     def rotor(self) -> tuple[AuxiliaryStates, int] | None:
-        """The rotor's velocity among the states of the drive."""
+        """The rotor's velocity among the states of the drive; None: it is none of them."""
         states = self.drive.auxiliary
         return (states, 1) if states is not None and self.drive.is_elastic else None
 
+    @property
+    def row(self) -> int:
+        """The place of the joint's velocity in v; −1 where the rotor's is another one."""
+        return NO_ROW if self.drive.has_own_rotor else super().row
+
     def shaft(self, symbols: Symbols) -> Shaft:
         """The rotor, or the joint."""
-        if self.rotor is None:
+        if not self.drive.has_own_rotor:
             return super().shaft(symbols)
-        row = symbols.robot.nv + symbols.auxiliary_place(self.rotor[0]) + self.rotor[1]
         inertia = symbols.zero + self.drive.value(symbols, "gear.inertia")
-        return Shaft(self.drive.rotor(symbols)[1], row, inertia)
+        states, ratio = self.drive.auxiliary, self.drive.gear["ratio"]
+        assert states is not None
+        row = symbols.robot.nv + symbols.auxiliary_place(states) + 1
+        speed, elastic = self.drive.rotor(symbols)[1], self.drive.is_elastic
+        own = (row, 1.0 / (inertia if elastic else ratio * inertia))
+        return Shaft(speed, row if elastic else NO_ROW, inertia, own)
 
     @property
     def _scale(self) -> float:
         """Force at the shaft over torque at the rotor."""
-        return 1.0 if self.drive.is_elastic else self.drive.gear["ratio"]
+        return 1.0 if self.drive.has_own_rotor else self.drive.gear["ratio"]
 
     def value(self, symbols: Symbols, name: str) -> casadi.SX | float:
         """A number at the shaft."""
@@ -137,6 +146,8 @@ class RotorFriction(JointDryFriction):
         Of such a gear at rest whose friction is at its limit in a direction: that limit.
         """
         force = super().sliding(symbols, direction)
+        if self.drive.has_own_rotor and not self.drive.is_elastic:
+            return force
         if self.drive.is_elastic:
             return force - direction * self.drive.load_loss(symbols, direction)
         if not self.has_load_side or not symbols.held_sides:

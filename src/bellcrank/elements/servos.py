@@ -429,7 +429,7 @@ class Cascade(Servo):
             q[joint.q], v[joint.v], a[joint.v] = wanted[k, 0], wanted[k, 1], wanted[k, 2]
         load = symbols.inverse_dynamics(q, v, a)[drive.joint.v]
         ratio = drive.gear["ratio"]
-        own = drive.value(symbols, "gear.inertia") * ratio * a[drive.joint.v] if drive.is_elastic else 0.0
+        own = drive.value(symbols, "gear.inertia") * ratio * a[drive.joint.v] if drive.has_own_rotor else 0.0
         return self.feedforward["torque"] * (load / ratio + own)
 
     def _torques(self, drive: Drive, symbols: Symbols, error: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
@@ -530,9 +530,10 @@ class Cascade(Servo):
         place, rate, _ = self.wanted(drive, symbols)
         position, velocity, _ = symbols.joint(drive.joint)
         wound = symbols.zero
+        if drive.has_own_rotor:
+            wound = 0.5 * drive.gear["backlash"] * casadi.sign(torque)
         if drive.is_elastic:
-            gap = 0.5 * drive.gear["backlash"] * casadi.sign(torque)
-            wound = ratio * torque / drive.value(symbols, "gear.stiffness") + gap
+            wound = ratio * torque / drive.value(symbols, "gear.stiffness") + wound
         measured = position + wound if self.encoder == "motor" else position
         gain, turning = drive.value(symbols, "servo.position.kp"), ratio * velocity
         reference = ratio * (gain * (place - measured) + self.feedforward["speed"] * rate)

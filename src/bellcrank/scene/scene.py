@@ -42,7 +42,7 @@ from bellcrank.elements.frame_joints import refuse_joints_off_paths
 from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
-from bellcrank.elements.joint_stops import JointStop, read_joint_stops
+from bellcrank.elements.joint_stops import GearContact, JointStop, read_joint_stops
 from bellcrank.elements.parameters import Parameter, is_of_the_tree, read_parameters
 from bellcrank.elements.pin_friction import read_pin_friction
 from bellcrank.elements.rotor_friction import RotorFriction
@@ -293,8 +293,9 @@ class Scene(Portable):
 
     @property
     def elements(self) -> tuple[Element, ...]:
-        """The forces, controllers and constraints, the dry friction of rotors, and what it holds in a linkage."""
-        return (*self.forces, *self.control, *self.constraints, *self._rotor_friction, *self._resting_joints)
+        """The forces, controllers and constraints, what gears and rotors hold, and joints that these hold."""
+        own = (*self._rotor_friction, *self.gear_contacts)
+        return (*self.forces, *self.control, *self.constraints, *own, *self._resting_joints)
 
     @property
     def dry_friction(self) -> tuple[DryFriction, ...]:
@@ -303,8 +304,8 @@ class Scene(Portable):
 
     @property
     def parts_with_modes(self) -> tuple[DryFriction | JointStop | RestingJoint, ...]:
-        """What sticks or holds, in the order of its modes in u: dry friction and rigid stops, then the joints of a
-        linkage that these hold.
+        """What sticks or holds, in the order of its modes in u: dry friction and rigid stops, then the joints that
+        these hold in a linkage or behind a gear with backlash.
         """
         return tuple(part for part in self.elements if isinstance(part, DryFriction | JointStop | RestingJoint))
 
@@ -324,15 +325,15 @@ class Scene(Portable):
 
     @property
     def _resting_joints(self) -> tuple[RestingJoint, ...]:
-        """The joints of a closed linkage with dry friction that have none of their own."""
+        """The joints of a closed linkage with dry friction, and those behind rigid gears with backlash and rotors with
+        friction, that have none of their own.
+        """
         own = [part.joint for part in self.forces if isinstance(part, JointDryFriction)]
-        if not self.constraints or not self.dry_friction:
-            return ()
-        return tuple(
-            RestingJoint(f"rest_{joint.name}", self.dry_friction[0].place, joint)
-            for joint in self.robot.joints
-            if joint.nv == 1 and joint not in own
-        )
+        joints = [drive.joint for drive in self.drives if drive.contact is not None and drive.friction is not None]
+        if self.constraints and self.dry_friction:
+            joints = [joint for joint in self.robot.joints if joint.nv == 1]
+        places = [part.place for part in (*self.dry_friction, *self._rotor_friction)]
+        return tuple(RestingJoint(f"rest_{joint.name}", places[0], joint) for joint in joints if joint not in own)
 
     @property
     def sticking(self) -> dict[str, DryFriction]:
@@ -355,6 +356,16 @@ class Scene(Portable):
     def stops_of_joints(self) -> tuple[JointStop, ...]:
         """The rigid stops of joints, which are among the forces."""
         return tuple(part for part in self.forces if isinstance(part, JointStop))
+
+    @property
+    def gear_contacts(self) -> tuple[GearContact, ...]:
+        """The flanks of rigid gears with backlash."""
+        return tuple(drive.contact for drive in self.drives if drive.contact is not None)
+
+    @property
+    def contacts(self) -> tuple[JointStop, ...]:
+        """The rigid stops of joints, and the flanks of gears."""
+        return (*self.stops_of_joints, *self.gear_contacts)
 
     # ---- signals
 

@@ -15,7 +15,7 @@ from bellcrank.dynamics.system import system_of
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint
 from bellcrank.elements.held_inputs import found_signal
-from bellcrank.elements.joint_stops import JointStop
+from bellcrank.elements.joint_stops import GearContact, JointStop
 from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.sampled_controllers import FunctionController, Sampled
 from bellcrank.elements.signals import Signal
@@ -52,7 +52,7 @@ def held_entries(scene: Scene) -> HeldEntries | None:
         mode_sides=_sides_of_gears(scene),
         mode_ends=[int(isinstance(part, JointStop | JointDryFriction) and part.ends_run) for part in modes],
         mode_rows=rows,
-        mode_places=[part.joint.q if isinstance(part, JointStop) else 0 for part in modes],
+        mode_places=[_place(part, rows[k]) for k, part in enumerate(modes)],
         work_row=system.size - 1 if system.has_work else -1,
         response_rows=system.nv + system.nz,
         mode_turn=make_ready(((system.mode_turn, "scalar"),))[0] if rows else 0,
@@ -64,6 +64,13 @@ def _mode_kind(part: DryFriction | JointStop | RestingJoint) -> int:
     if isinstance(part, RotorFriction) and part.has_load_side:
         return 4
     return 3 if isinstance(part, RestingJoint) else 1 + part.latch if isinstance(part, JointStop) else 0
+
+
+def _place(part: DryFriction | JointStop | RestingJoint, row: int) -> int:
+    """Where in the state the position of a stop is, that of a gear's twist being before its rate."""
+    if isinstance(part, GearContact):
+        return row - 1
+    return part.joint.q if isinstance(part, JointStop) else 0
 
 
 def _sides_of_gears(scene: Scene) -> list[int]:

@@ -55,13 +55,13 @@ def saturated_intervals(run: Trajectory, drive: Drive) -> Array:
 
 
 def intervals_at_stops(run: Trajectory, joint: str) -> Array:
-    """Beginnings and ends (n, 2), s, of the intervals in which a stop held a joint. Raises InputError."""
+    """Beginnings and ends (n, 2), s, of the intervals in which a stop held a joint, or flanks of "JOINT gear" met."""
     time, modes = _modes(run, _stop(run, joint))
     return _intervals(run, time, modes[:, 2] == 1.0)
 
 
 def impacts_at_stops(run: Trajectory, joint: str) -> Array:
-    """Times (s) and impulses (N m s or N s) of a joint's impacts at its stops (n, 2). Raises InputError."""
+    """Times (s) and impulses (N m s or N s) (n, 2) of impacts at the stops of a joint, or flanks of "JOINT gear"."""
     time, modes = _modes(run, _stop(run, joint))
     hits = np.flatnonzero(modes[:, 3])
     return np.stack([time[hits], modes[hits, 3]], axis=1)
@@ -92,8 +92,8 @@ def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
         resistor = "" if supply.brake is None else f", brake resistor {burnt[-1]:.5g} J"
         yield "bus", f"{bus.min():.5g} to {bus.max():.5g} V; source {given[-1]:.5g} J{resistor}"
     first = True
-    for stop in run.scene.stops_of_joints:
-        hits, held = impacts_at_stops(run, stop.joint.name), intervals_at_stops(run, stop.joint.name)
+    for stop in run.scene.contacts:
+        hits, held = impacts_at_stops(run, stop.held), intervals_at_stops(run, stop.held)
         unit = "N s" if stop.joint.kind == "prismatic" else "N m s"
         texts = []
         if len(hits):
@@ -103,7 +103,7 @@ def contact_rows(run: Trajectory) -> Iterator[tuple[str, str]]:
         if len(held):
             texts.append(f"held {_told(run, held)}")
         if texts:
-            yield ("stops" if first else "", f"{stop.joint.name}: {'; '.join(texts)}")
+            yield ("stops" if first else "", f"{stop.held}: {'; '.join(texts)}")
             first = False
 
 
@@ -127,9 +127,9 @@ def shared_rest(run: Trajectory) -> tuple[Note, ...]:
 def simultaneous_impacts(run: Trajectory) -> tuple[Note, ...]:
     """A note where several joints met their stops at one instant, so that the impulses depend on the law of impact."""
     times: dict[float, list[str]] = {}
-    for stop in run.scene.stops_of_joints:
-        for time in impacts_at_stops(run, stop.joint.name)[:, 0].tolist():
-            times.setdefault(time, []).append(stop.joint.name)
+    for stop in run.scene.contacts:
+        for time in impacts_at_stops(run, stop.held)[:, 0].tolist():
+            times.setdefault(time, []).append(stop.held)
     several = {time: names for time, names in times.items() if len(names) > 1}
     if not several:
         return ()
@@ -176,9 +176,11 @@ def _supply_states(run: Trajectory) -> tuple[Array, Array, Array]:
 
 
 def _stop(run: Trajectory, joint: str) -> JointStop:
-    parts = {part.joint.name: part for part in run.scene.stops_of_joints}
+    parts = {part.held: part for part in run.scene.contacts}
     if joint not in parts:
-        raise InputError(f"{run.scene.name}: {unknown_name('joint with a rigid stop', joint, parts)}")
+        raise InputError(
+            f"{run.scene.name}: {unknown_name('joint with a rigid stop, or gear with rigid backlash', joint, parts)}"
+        )
     return parts[joint]
 
 

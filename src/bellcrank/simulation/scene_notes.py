@@ -88,7 +88,12 @@ def _motor_drives(scene: Scene) -> Iterator[str]:
     """What of motors and gears of drives is not simulated, and drives that nothing limits."""
     for drive in scene.drives:
         name, (_, gear) = drive.joint.name, scene.config.actuators[drive.joint.name].rows
-        if not drive.is_elastic:
+        if drive.contact is not None and (gear.efficiency or 0.0) < 1.0:
+            yield (
+                f"drive of '{name}': losses of the gear by load are not simulated behind rigid backlash; give its "
+                "stiffness for that"
+            )
+        elif not drive.has_own_rotor:
             stated = [
                 text
                 for text, there in (

@@ -49,8 +49,8 @@ class BoundedForces {
     pivot(n);
   }
 
-  // Whether joint i accelerates, by more than rounding explains.
-  bool moves(int i, int n) const { return std::fabs(acceleration[i]) > rounding(i, n); }
+  // Whether joint i accelerates, by more than rounding, or another share of its terms, explains.
+  bool moves(int i, int n, double share = small) const { return std::fabs(acceleration[i]) > share / small * rounding(i, n); }
   bool at_limit(int i) const { return side_[i] != 0; }
   bool at_most(int i) const { return side_[i] > 0; }  // its upper limit
   bool driven(int i) const { return driven_[i] != 0; }  // whether the load drives the motor, of gears that move

@@ -106,6 +106,7 @@ class Events {
 
   static constexpr double closest = 1e-7;  // of a step: nearer to its start a function that was zero is not looked at
   static constexpr double touching = 1e-12;  // of the largest value in a step: rounding
+  static constexpr double leaving = 1e-12;   // of the same: rounding of the interpolant, where a function leaves zero slowly
   static constexpr int deepest = 6;  // levels of intervals within intervals: down to 1e-6 of a step
   static constexpr std::int64_t most_evaluations = 200000, few_evaluations = 2000;
   static constexpr int patience = 50;  // unresolved steps of an event after which few_evaluations are spent on it
@@ -124,6 +125,7 @@ class Events {
   Growing<Crossing> crossings_;
   Growing<double> states_;
   bool turns_ = false, failed_ = false, missed_ = false, done_ = false;
+  double rounding_ = 0;  // of the values of the event scanned
   double blank_ = INFINITY;  // the first time in this step at which the event scanned is not a number
 
   double length() const { return last_.t - last_.t_old; }
@@ -160,10 +162,10 @@ class Events {
     return failed_ ? Found::failed : report(record);
   }
 
-  // Tracks the sign; a value of exactly zero is a crossing and has no sign.
-  static bool pass(int& sign_now, double v) {
+  // Tracks the sign; a value of exactly zero is a crossing and has no sign. Zero is left by more than rounding.
+  bool pass(int& sign_now, double v) const {
     const int before = sign_now, now = sign(v);
-    if (v != v) return false;
+    if (v != v || (before == 0 && std::fabs(v) <= rounding_)) return false;
     sign_now = now;
     return before != 0 && now != before;
   }
@@ -185,20 +187,24 @@ class Events {
     return true;
   }
 
+  double largest(int e) const {
+    double most = 0;
+    for (int i = 0; i <= samples; ++i) most = larger(most, std::fabs(g(i, e)));
+    return most;
+  }
+
   // Whether an event function is zero, up to rounding, where the step ends at a contact or a switch.
   bool touches(int e) const {
     if (!turns_) return false;
     const double end = g(samples, e), before = g(samples - 1, e), left = (1 - at(samples - 1)) * length();
-    double most = 0;
-    for (int i = 0; i <= samples; ++i) most = larger(most, std::fabs(g(i, e)));
-    return std::fabs(end) <= touching * most || std::fabs(end) * left <= 8 * spacing(last_.t) * std::fabs(before - end);
+    return std::fabs(end) <= touching * largest(e) || std::fabs(end) * left <= 8 * spacing(last_.t) * std::fabs(before - end);
   }
 
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
     spent_ = 0, oscillating_ = 0, forced_ = hint_[e];
     limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations;
-    missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY;
+    missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY, rounding_ = leaving * largest(e);
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) blank(v[i] = g(i, e), at(i));
     if (samples == parts) {

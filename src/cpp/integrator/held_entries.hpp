@@ -76,6 +76,8 @@ class Held {
       }
     for (int e = 0; e < count_ && turn_ < 0; ++e)
       if (changes_.memory(e).sign * side(e) < 0) turn_ = e;
+    for (int j = 0; j < h_.mode_count && turn_ < 0 && flight_ > stepper.t_old; ++j)  // it has come back, to the last digit
+      if (is_stop(j) && mode(j).moves && changes_.value(h_.switch_count + j) == 0) turn_ = h_.switch_count + j, end_ = stepper.t;
     if (turn_ < 0) return true;
     if (end_ - stepper.t_old <= 2 * spacing(stepper.t_old)) end_ = stepper.t_old;
     std::memcpy(old_, stepper.old_state(), p_.n * sizeof(double));
@@ -111,6 +113,7 @@ class Held {
 
  private:
   static constexpr double same_instant = 1e-9;  // of its largest speed: a joint that comes to rest with another one
+  static constexpr double driven_along = 1e-6;  // of the accelerations that cancel: what others move, and do not hold
   static constexpr double started = 1e-9;       // rad/s or m/s: a joint of this speed has a direction of motion
   static constexpr double near_place = 1e-7;    // rad or m, or of the place: where a stop is that has been reached
   static constexpr double same_place = 1e-12;   // rad or m: a joint that reaches its stop with another one
@@ -403,7 +406,7 @@ class Held {
         const bool holds = !modes_.at_limit(k) && modes_.holds(k);
         m = {holds ? 1.0 * closed_[j] : 0.0, holds ? 0.0 : 1.0, holds ? 1.0 : 0.0, m.impulse};
       } else if (!modes_.at_limit(k)) m = {0, 0, modes_.holds(k) ? 1.0 : 0.0, slack(j)};
-      else if (!modes_.can_move(k, all)) m = {direction, 0, 0, 0};
+      else if (!modes_.can_move(k, all) && !modes_.moves(k, all, driven_along)) m = {direction, 0, 0, 0};
       else if (slack(j) > 0 && !modes_.moves(k, all)) m = {0, 0, 1, slack(j)};
       else if (modes_.moves(k, all) ? modes_.acceleration[k] * direction > 0 : gives_way && !is_stop(cause))
         m = {direction, 1, 0, 0};

@@ -68,7 +68,7 @@ struct Reading : ProblemReading {
     for (std::size_t j = 0; j < mode_rows_.size(); ++j)
       require(mode_kinds_[j] == 4 ? mode_sides_[j] >= 0 && mode_sides_[j] < plain.held.switch_count : mode_sides_[j] == -1,
               "integrate: the side of a gear is a switch");
-    for (const int place : mode_places_) require(place >= 0 && place < plain.nq, "integrate: stops are of positions in x");
+    for (const int place : mode_places_) require(place >= 0 && place < plain.n, "integrate: stops are of entries of x");
     for (auto [kernel, first, period] :
          get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {
       require(period > 0 && std::isfinite(first), "integrate: updates need a period");

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.joint_forces import JointSpring
+from bellcrank.elements.joint_stops import GearContact
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
@@ -232,13 +233,13 @@ def _sticking(run: Trajectory, end: float) -> Iterator[TimelineEvent]:
             yield TimelineEvent(begun, f"{drive.joint.name} drive: {what} at its limit")
             if over < end:
                 yield TimelineEvent(over, f"{drive.joint.name} drive: {what} within its limit")
-    for stop in run.scene.stops_of_joints:
-        name = stop.joint.name
+    for stop in run.scene.contacts:
+        name, what = stop.held, "flank" if isinstance(stop, GearContact) else "stop"
         for time, _ in impacts_at_stops(run, name)[:MOST_EVENTS].tolist():
-            yield TimelineEvent(time, f"{name} strikes its stop")
+            yield TimelineEvent(time, f"{name} strikes its {what}")
         for _, over in intervals_at_stops(run, name)[:MOST_EVENTS].tolist():
             if over < end:
-                yield TimelineEvent(over, f"{name} leaves its stop")
+                yield TimelineEvent(over, f"{name} leaves its {what}")
 
 
 def _event_text(run: Trajectory, event: Event) -> str:
