@@ -179,7 +179,7 @@ def _stop(run: Trajectory, joint: str) -> JointStop:
     parts = {part.held: part for part in run.scene.contacts}
     if joint not in parts:
         raise InputError(
-            f"{run.scene.name}: {unknown_name('joint with a rigid stop, or gear with rigid backlash', joint, parts)}"
+            f"{run.scene.name}: {unknown_name('gear with rigid backlash or joint with a rigid stop', joint, parts)}"
         )
     return parts[joint]
 
