@@ -14,7 +14,6 @@ from own_products import write_products
 
 from bellcrank.actuators.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.errors import InputError
 from bellcrank.files.json_files import list_files
@@ -230,7 +229,7 @@ def test_the_written_file_keeps_the_original_and_names_sources(arm: Selection, w
     for one in arm.axes:
         assert one.chosen is not None
         actuator = after.actuators[one.axis.name]
-        assert isinstance(actuator, MotorWithGear) and (actuator.motor, actuator.gear) == arm.stated(one.chosen)
+        assert not actuator.by_ratings and (actuator.motor, actuator.gear) == arm.stated(one.chosen)
         assert actuator.conditions.assume == (("gear.efficiency", 0.6),)
 
 

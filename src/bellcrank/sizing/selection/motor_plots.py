@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bellcrank.actuators.motor_with_gear import MotorWithGear
     from bellcrank.sizing.selection.selection import AxisSelection, Selection
 
 Array = NDArray[np.float64]
@@ -46,7 +45,7 @@ def motors_figure(selection: Selection) -> Figure:
     return figure
 
 
-def actuator_of(selection: Selection, one: AxisSelection) -> MotorWithGear:
+def actuator_of(selection: Selection, one: AxisSelection) -> Actuator:
     """The actuator that was chosen for an axis, under the conditions of the axis."""
     assert one.chosen is not None
     return Actuator.of(one.chosen.motor, one.chosen.gear, one.conditions)
@@ -88,7 +87,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     axis.set_title(literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")
 
 
-def _limits(axis: Axes, actuator: MotorWithGear, reach: Array) -> Array:
+def _limits(axis: Axes, actuator: Actuator, reach: Array) -> Array:
     """Draw what the motor allows, and return the half width and height that the plane shows."""
     continuous, outline = actuator.continuous_outline, actuator.outline
     if continuous is not None:
