@@ -335,11 +335,6 @@ class Actuator:
         """
         return self.short_time_region.outline
 
-    def voltage_lines(self, speed: Array) -> tuple[Array, Array, Array] | None:
-        """Speeds (n,) rad/s with the largest and smallest torque (n,) N m that the voltage allows; None if unknown."""
-        found = self.short_time_region.voltage_torques(speed)
-        return None if found is None else (speed, found[0], found[1])
-
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """The torque at the motor shaft.
 

@@ -20,7 +20,7 @@ from bellcrank.files.json_files import list_files
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.simulation.simulate import simulate
-from bellcrank.sizing.selection.plots import selection_figures, write_plots
+from bellcrank.sizing.selection.plots import plots_aside, selection_figures
 from bellcrank.sizing.selection.select import select
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.selection.selection_files import (
@@ -153,7 +153,8 @@ def test_pictures_are_drawn_also_where_torques_are_unknown(
 ) -> None:
     from PIL import Image
 
-    paths = write_plots(arm, tmp_path)
+    with plots_aside(arm, tmp_path) as drawn:
+        paths = drawn()
     assert {path.name for path in paths} <= set(FILES) and {path.name for path in paths} >= {"motors.png"}
     for path in paths:
         with Image.open(path) as image:

@@ -104,10 +104,9 @@ def _limits(axis: Axes, actuator: Actuator, reach: Array) -> Array:
         label = "short-time limits" + (", as far as known" if actuator.unknown_limits else "")
         axis.plot(outline[:, 0] * RPM, outline[:, 1], color=CURVE, linewidth=1.2, label=label)
     reach = np.where(reach > 0.0, MARGIN * reach, 1.0)
-    lines = actuator.voltage_lines(np.linspace(-reach[0], reach[0], 201))
-    if lines is not None:
-        speed, high, low = lines
-        for torque, label in ((high, "voltage limit"), (low, None)):
+    speed = np.linspace(-reach[0], reach[0], 201)
+    if (lines := actuator.short_time_region.voltage_torques(speed)) is not None:
+        for torque, label in zip(lines, ("voltage limit", None), strict=True):
             axis.plot(speed * RPM, torque, color=VOLTAGE, linestyle="-.", linewidth=1.0, label=label)
     if actuator.max_speed is not None:
         for side, label in ((1.0, "largest speed"), (-1.0, None)):

@@ -81,7 +81,8 @@ class Temperature(Criterion):
         limit = float(self.limit(pair)[0])
         peak, most = map(float, _peaks_once(pair, cycle, conditions)[0, self._columns])
         of = "" if math.isnan(limit) else f" of {limit:.4g} °C"
-        when = self._when(pair, cycle, conditions)
+        # the periodic state is warmer than any time after a start at the ambient temperature
+        when = "" if peak <= limit else self._when(pair, cycle, conditions)
         if math.isinf(peak):
             return (
                 f"thermal runaway in '{cycle.name}': heat grows faster with the temperature than it is given off{when}"
