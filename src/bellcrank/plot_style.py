@@ -11,7 +11,7 @@ import sys
 import textwrap
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -130,21 +130,39 @@ def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> 
     Returns their paths. Raises InputError where a file cannot be written.
     """
 
-    def write(names: Sequence[str]) -> None:
-        for name in names:
-            with atomic_write.writing(folder / name) as temporary:
-                save_figure(figures[name](), temporary, "png", dpi=DPI)
-
     names = list(figures)
-    if len(names) < 2:
-        write(names)
-        return [folder / name for name in names]
-    new_figure(1.0, 1.0)  # what Matplotlib imports, both processes have
-    with _second_process(lambda: write(names[1::2])) as done:
-        write(names[::2])
-        if not done():
-            write(names[1::2])  # here: what fails is said here
+    some, others = ({name: figures[name] for name in names[k::2]} for k in (0, 1))
+    with figures_aside(others, folder) as written:
+        _write_figures(some, folder)
+        written()
     return [folder / name for name in figures]
+
+
+def _write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> None:
+    for name, draw in figures.items():
+        with atomic_write.writing(folder / name) as temporary:
+            save_figure(draw(), temporary, "png", dpi=DPI)
+
+
+@contextlib.contextmanager
+def figures_aside(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> Iterator[Callable[[], list[Path]]]:
+    """Draw figures, given by file name, as PNG into a folder in a second process during the block.
+
+    Yields a function that waits for them and returns their paths. Where the second process did not write them it draws
+    them, and raises InputError where a file cannot be written.
+    """
+    if not figures:
+        yield list
+        return
+    new_figure(1.0, 1.0)  # what Matplotlib imports, both processes have
+    with _second_process(lambda: _write_figures(figures, folder)) as done:
+
+        def written() -> list[Path]:
+            if not done():
+                _write_figures(figures, folder)  # here: what fails is said here
+            return [folder / name for name in figures]
+
+        yield written
 
 
 @contextlib.contextmanager

@@ -14,7 +14,6 @@ from bellcrank.actuators.catalogue import load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.actuators.short_time_region import ShortTimeRegion
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
@@ -34,7 +33,7 @@ def array(*values: float) -> np.ndarray:
 
 def test_torque_power_and_limits_by_hand() -> None:
     actuator = Actuator.of(MOTOR, GEAR, Conditions(safety_factor=1.2))
-    assert isinstance(actuator, MotorWithGear) and (actuator.ratio, actuator.safety_factor) == (50.0, 1.2)
+    assert not actuator.by_ratings and (actuator.ratio, actuator.safety_factor) == (50.0, 1.2)
     assert actuator.reflected_inertia == pytest.approx(2500 * 6e-5)
     # 10/(50·0.8) + 6e-5·50·3 = 0.259 N m driving; 10·0.8/50 + 0.009 = 0.169 N m driven
     torque = actuator.shaft_torque(array(10.0, 10.0), array(2.0, -2.0), array(3.0, 3.0))
@@ -108,7 +107,7 @@ def test_every_row_of_the_bundled_catalogue_makes_an_actuator_that_reads_back_as
             continue
         actuator = Actuator.of(MOTOR, gear, Conditions(assume={"gear.efficiency": 0.7}))
         again = actuator_from_fields(Fields(actuator_data(actuator), "x.yaml"))
-        assert isinstance(again, MotorWithGear)
+        assert not again.by_ratings
         assert replace(again.gear, ratio=gear.ratio) == gear
         assert again.ratio == pytest.approx(actuator.ratio, rel=1e-15) and again.conditions == actuator.conditions
 
@@ -131,7 +130,7 @@ def test_ids_mappings_and_conditions_are_read() -> None:
         "assume": {"motor.max_speed": "9000 rpm"},
     }
     actuator = actuator_from_fields(Fields(data, "x.yaml", "actuators.lift"), load_catalogue)
-    assert isinstance(actuator, MotorWithGear) and actuator.motor.maker == "maxon"
+    assert not actuator.by_ratings and actuator.motor.maker == "maxon"
     assert actuator.ratio == pytest.approx(2 * math.pi / 0.005) and actuator.gear_inertia == pytest.approx(2e-6)
     assert actuator.conditions == Conditions(
         voltage=12.0, voltage_reserve=0.05, ambient=40.0, safety_factor=1.5,

@@ -13,7 +13,7 @@ class PlainShaft:
     def __init__(self, actuator, torque, speed, acceleration, weight):
         self.actuator, self.weight = actuator, weight
         self.speed = actuator.ratio * speed
-        self.products = getattr(actuator, "motor", None)
+        self.products = None if actuator.by_ratings else actuator.motor
         if self.products is not None:
             self.brute = self._brute(torque, speed, acceleration)
             self.torque = self.brute.T / self.brute.safety

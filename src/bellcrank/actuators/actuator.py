@@ -1,9 +1,10 @@
 """The actuator of a joint, a motor with its gear: the load at the motor shaft, and what the motor allows.
 
-The shaft turns at N q̇. Its torque is τ_load / (N η) while the load takes power (τ_load q̇ >= 0, standstill included) and
-τ_load η / N while it gives power back, plus (J_rotor + J_gear) N q̈; N is the ratio and η the gear's efficiency. τ_load
-is the joint torque without the reflected rotor inertia N² (J_rotor + J_gear) q̈.
-(Equations: the power balance over a gear, e.g. Siciliano et al., Robotics, 2009, section 5.1.)
+It is made from ratings, or of a motor and a gear of a catalogue; then the continuous torque is that at the speed asked
+(continuous_torque.py), and the limits over speed are peak torque and current, the voltage limit, and a printed curve
+(short_time_limits.py), in all four quadrants. Ratings are rows of a motor and a gear too, so that the same formulas
+serve both: the load at the shaft is that of one pair (powertrain.py), where the load is the joint torque without the
+reflected rotor inertia N² (J_rotor + J_gear) q̈.
 
 A figure that is None is unknown. What follows from it is NaN, so that nothing passes or fails because of it.
 """
@@ -11,27 +12,37 @@ A figure that is None is unknown. What follows from it is NaN, so that nothing p
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator_checks import check_ratings
-from bellcrank.actuators.shaft_load import shaft_torque
-from bellcrank.actuators.torque_speed_curve import Points, four_quadrants, share_of_curve, torque_below
-
-if TYPE_CHECKING:
-    from bellcrank.actuators.conditions import Conditions
-    from bellcrank.actuators.gear import Gear
-    from bellcrank.actuators.motor import Motor
-    from bellcrank.actuators.motor_with_gear import MotorWithGear
+from bellcrank.actuators.conditions import Conditions
+from bellcrank.actuators.continuous_torque import continuous_torque
+from bellcrank.actuators.electrical import electrical_power, electrical_torque
+from bellcrank.actuators.gear import DIRECT, Gear
+from bellcrank.actuators.motor import Motor
+from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.row_checks import Points
+from bellcrank.actuators.short_time_region import ShortTimeRegion
+from bellcrank.cached_values import cached_property
+from bellcrank.errors import InputError
 
 Array = NDArray[np.float64]
 ENDLESS = 1e9  # rad/s: a rated torque has no end
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 SLOWEST = 2.0, 20.0  # rad/s², without and behind a gear: motors reach 1e3 to 1e5, drives with a built-in gear 6
+RATINGS: Final[Mapping[str, str]] = MappingProxyType(  # with their units
+    {
+        "ratio": "", "rated_torque": "N m", "peak_torque": "N m", "rated_speed": "rad/s", "max_speed": "rad/s",
+        "efficiency": "", "rotor_inertia": "kg m^2", "gear_inertia": "kg m^2", "safety_factor": "",
+    }
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,6 +67,12 @@ class Actuator:
             torques that do not rise; beyond the last speed no torque is available. By default the peak torque up to
             the rated speed, then a straight line to 0 at the largest speed.
 
+    Attributes:
+        motor: The motor, as the catalogue states it; of ratings, a row that has them.
+        gear: The gear, as the catalogue states it; `DIRECT` without one.
+        conditions: Supply, surroundings, safety factor, and values assumed for what the rows do not state. Ratings hold
+            at any supply and place.
+
     Raises:
         InputError: For impossible values.
 
@@ -79,12 +96,37 @@ class Actuator:
     safety_factor: float = 1.0
     motor_efficiency: float | None = None
     curve: Points | None = None
+    motor: Motor = field(init=False, repr=False)
+    gear: Gear = field(init=False, repr=False)
+    conditions: Conditions = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_ratings(self)
+        rated = self.rated_torque
+        motor = Motor(
+            id="ratings",
+            maker="",
+            model="",
+            kind="ratings",
+            nominal_torque=rated,
+            continuous_curve=None if rated is None else ((0.0, rated), (ENDLESS, rated)),
+            peak_torque=self.peak_torque,
+            peak_curve=self._curve_of_ratings,
+            max_speed=self.max_speed,
+            rotor_inertia=self.rotor_inertia,
+        )
+        gear = Gear(
+            id="ratings", maker="", model="", kind="direct", ratio=self.ratio, efficiency=self.efficiency,
+            inertia=self.gear_inertia,
+        )  # fmt: skip
+        self._are(motor, gear, Conditions(safety_factor=self.safety_factor))
+
+    def _are(self, motor: Motor, gear: Gear, conditions: Conditions) -> None:
+        for name, value in (("motor", motor), ("gear", gear), ("conditions", conditions)):
+            object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, motor: Motor, gear: Gear | None = None, conditions: Conditions | None = None) -> MotorWithGear:
+    def of(cls, motor: Motor, gear: Gear | None = None, conditions: Conditions | None = None) -> Actuator:
         """The actuator that a motor and a gear of a catalogue make.
 
         Args:
@@ -108,41 +150,56 @@ class Actuator:
             >>> actuator.rated_torque, actuator.efficiency, round(actuator.reflected_inertia, 6)
             (0.3, None, 0.0175)
         """
-        from bellcrank.actuators.motor_with_gear import motor_with_gear
-
-        return motor_with_gear(motor, gear, conditions)
-
-    @property
-    def rows(self) -> tuple[Motor, Gear]:
-        """The motor and the gear as rows of a catalogue, which criteria compare with loads."""
-        from bellcrank.actuators.gear import Gear
-        from bellcrank.actuators.motor import Motor
-
-        rated = self.rated_torque
-        motor = Motor(
-            id="ratings",
-            maker="",
-            model="",
-            kind="ratings",
-            nominal_torque=rated,
-            continuous_curve=None if rated is None else ((0.0, rated), (ENDLESS, rated)),
-            peak_torque=self.peak_torque,
-            peak_curve=self.curve_points,
-            max_speed=self.max_speed,
-            rotor_inertia=self.rotor_inertia,
+        motor = arguments.instance("motor", motor, Motor, "a Motor")
+        gear = DIRECT if gear is None else arguments.instance("gear", gear, Gear, "a Gear")
+        if conditions is None:
+            conditions = Conditions()
+        conditions = arguments.instance("conditions", conditions, Conditions, "Conditions")
+        filled, with_gear = conditions.completed(motor), conditions.completed(gear)
+        if with_gear.ratio is None:
+            raise InputError(f"gear '{gear.id}': its ratio is unknown, so that nothing follows for the joint")
+        if motor.kind == "actuator" and gear.kind != "direct":
+            raise InputError(
+                f"motor '{motor.id}' is sold with its gear, and its figures hold at the output; give it without "
+                f"gear '{gear.id}'"
+            )
+        made = cls(
+            ratio=with_gear.ratio,
+            rated_torque=filled.continuous_torque or None,
+            peak_torque=filled.peak_torque,
+            rated_speed=filled.nominal_speed or None,  # a torque rated at standstill has no speed
+            max_speed=filled.max_speed,
+            efficiency=with_gear.efficiency,
+            rotor_inertia=filled.rotor_inertia,
+            gear_inertia=with_gear.inertia,
+            safety_factor=conditions.safety_factor,
         )
-        gear = Gear(
-            id="ratings", maker="", model="", kind="direct", ratio=self.ratio, efficiency=self.efficiency,
-            inertia=self.gear_inertia,
-        )  # fmt: skip
-        return motor, gear
+        made._are(motor, gear, conditions)
+        return made
+
+    def __repr__(self) -> str:
+        stated = [f"{name}={getattr(self, name)!r}" for name in (*RATINGS, "motor_efficiency", "curve")]
+        return f"Actuator({', '.join(stated)}, motor='{self.motor.id}', gear='{self.gear.id}')"
 
     @property
-    def judged_under(self) -> Conditions:
-        """The conditions under which criteria compare the rows with loads: ratings hold at any supply and place."""
-        from bellcrank.actuators.conditions import Conditions
+    def by_ratings(self) -> bool:
+        """Whether it is made from ratings."""
+        return self.motor.by_ratings
 
-        return Conditions(safety_factor=self.safety_factor)
+    @cached_property
+    def rows(self) -> tuple[Motor, Gear]:
+        """The motor and the gear with the values assumed for what they do not state."""
+        return self.conditions.completed(self.motor), self.conditions.completed(self.gear)
+
+    @cached_property
+    def train(self) -> PowerTrains:
+        """The one pair of the rows."""
+        return PowerTrains.of(*self.rows)
+
+    @cached_property
+    def short_time_region(self) -> ShortTimeRegion:
+        """The region of torque and speed that the motor may reach for a short time."""
+        return ShortTimeRegion(self.rows[0], self.conditions)
 
     def under(self, conditions: Conditions | None) -> Actuator:
         """The same motor and gear under other conditions: those that are given replace its own.
@@ -162,13 +219,12 @@ class Actuator:
             >>> actuator.under(bc.Conditions(safety_factor=2.0)).safety_factor
             2.0
         """
-        from bellcrank.actuators.conditions import Conditions
-
-        if conditions is not None:
-            arguments.instance("conditions", conditions, Conditions, "Conditions")
-        if conditions is None or "safety_factor" not in conditions.given:
+        if conditions is None:
             return self
-        return replace(self, safety_factor=conditions.safety_factor)
+        arguments.instance("conditions", conditions, Conditions, "Conditions")
+        if not self.by_ratings:
+            return Actuator.of(self.motor, self.gear, self.conditions.updated(conditions))
+        return replace(self, safety_factor=conditions.safety_factor) if "safety_factor" in conditions.given else self
 
     @property
     def shaft_inertia(self) -> float | None:
@@ -196,30 +252,45 @@ class Actuator:
     @property
     def unknown_of_torque(self) -> tuple[str, ...]:
         """What the shaft torque needs and is unknown: of "efficiency", "rotor_inertia" and "gear_inertia"."""
-        return (("efficiency",) if self.efficiency is None else ()) + self.unknown_inertias
+        known = self.rows[1].efficiency_curve is not None or self.efficiency is not None
+        return (() if known else ("efficiency",)) + self.unknown_inertias
 
     @property
     def unknown_of_supply(self) -> tuple[str, ...]:
         """What the power from the supply needs and is unknown."""
-        return self.unknown_of_torque
+        if self.by_ratings:
+            return self.unknown_of_torque
+        motor = self.rows[0]
+        figures = {
+            "the torque constant with its basis": motor.dc_torque_constant,
+            "the resistance": motor.resistance,
+            "the motor's friction or no-load current": motor.coulomb_torque,
+        }
+        return self.unknown_of_torque + tuple(name for name, value in figures.items() if value is None)
 
     @property
     def has_limits(self) -> bool:
         """Whether at least one limit of the torque over the speed is known."""
-        return self.curve_points is not None
+        return self.short_time_region.known
 
     @property
     def unknown_limits(self) -> tuple[str, ...]:
         """The limits of the torque over the speed that are unknown."""
-        return () if self.has_limits else ("the torque-speed curve",)
+        return self.short_time_region.unknown
 
     @property
     def continuous_outline(self) -> Array | None:
         """Points (k, 2) of speed rad/s and continuous torque N m, speeds rising from 0; None where unknown."""
-        end = self.max_speed if self.max_speed is not None else self.rated_speed
-        if self.rated_torque is None or end is None:
+        ends = [one for one in (self.max_speed, self.rated_speed) if one is not None]
+        if not self.by_ratings and np.isfinite(fastest := self.short_time_region.largest_speed):
+            ends.append(fastest)
+        end = (max if self.by_ratings else min)(ends, default=None)
+        if end is None:
             return None
-        return np.array([[0.0, self.rated_torque], [end, self.rated_torque]])
+        speed = np.linspace(0.0, end, 2 if self.by_ratings else 201)
+        torque = continuous_torque(self.train.motors, speed, self.conditions).torque
+        known = ~np.isnan(torque)
+        return np.column_stack([speed, torque])[known] if known.any() else None
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -241,7 +312,7 @@ class Actuator:
         return speeds + heavy
 
     @property
-    def curve_points(self) -> Points | None:
+    def _curve_of_ratings(self) -> Points | None:
         """Points (speed rad/s, torque N m) of the torque-speed curve, from speed 0 on; None where unknown."""
         if self.curve is not None:
             return self.curve
@@ -251,12 +322,18 @@ class Actuator:
         return (*corners, (self.max_speed, 0.0)) if self.max_speed > self.rated_speed else corners
 
     @property
-    def outline(self) -> Array | None:
-        """Corners (k, 2) of speed rad/s and torque N m of the region that the curve allows, in all four quadrants; None
-        where the curve is unknown.
+    def curve_points(self) -> Points | None:
+        """Points (speed rad/s, torque N m) of the torque-speed curve of ratings, from speed 0 on; None where unknown,
+        and of a catalogue's motor, whose limits differ between driving and braking (`outline`).
         """
-        points = self.curve_points
-        return None if points is None else four_quadrants(points)
+        return self.motor.peak_curve if self.by_ratings else None
+
+    @property
+    def outline(self) -> Array | None:
+        """Corners (k, 2) of speed rad/s and torque N m of the region of short-time operation as far as it is known, in
+        all four quadrants; None where it has no end.
+        """
+        return self.short_time_region.outline
 
     def shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
         """The torque at the motor shaft.
@@ -282,12 +359,7 @@ class Actuator:
             load_torque=load_torque, velocity=velocity, acceleration=acceleration
         )
         with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN stay so
-            return self._shaft_torque(load_torque, velocity, acceleration)
-
-    def _shaft_torque(self, load_torque: Array, velocity: Array, acceleration: Array) -> Array:
-        efficiency = math.nan if self.efficiency is None else self.efficiency
-        inertia = math.nan if self.shaft_inertia is None else self.shaft_inertia
-        return shaft_torque(load_torque, (velocity, acceleration), self.ratio, efficiency, inertia)
+            return self.train.shaft_torque(load_torque, velocity, acceleration)
 
     def electrical_power(self, shaft_power: Array) -> Array:
         """The electrical power: shaft power divided by the motor's efficiency, or multiplied by it where negative.
@@ -332,13 +404,13 @@ class Actuator:
         """
         torque, speed = arguments.alike(torque=torque, speed=speed)
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._supply_power(torque, speed)
-
-    def _supply_power(self, torque: Array, speed: Array) -> Array:
-        return self.electrical_power(torque * speed)
+            if self.by_ratings:
+                return self.electrical_power(torque * speed)
+            motors = self.train.motors  # with copper, friction and iron losses
+            return electrical_power(motors, electrical_torque(motors, torque, speed), speed)
 
     def continuous_torque(self, speed: float) -> float | None:
-        """The torque that the motor can deliver continuously at a constant speed: the rated torque.
+        """The torque that the motor can deliver continuously at a constant speed; of ratings the rated torque.
 
         Args:
             speed: Shaft speed, rad/s, of either sign.
@@ -354,13 +426,12 @@ class Actuator:
             >>> bc.load_robot_config("geared_pendulum").actuators["shoulder"].continuous_torque(100.0)
             0.32
         """
-        return self._continuous_torque(arguments.number("speed", speed, "rad/s"))
-
-    def _continuous_torque(self, speed: float) -> float | None:
-        return self.rated_torque
+        speed = arguments.number("speed", speed, "rad/s")
+        found = float(continuous_torque(self.train.motors, speed, self.conditions).torque[0])
+        return None if np.isnan(found) else found
 
     def available_torque(self, speed: Array) -> Array:
-        """The torque that the torque-speed curve allows.
+        """The largest driving torque that the torque-speed curve allows.
 
         Args:
             speed: Shaft speed (n,), rad/s, of either sign.
@@ -377,11 +448,10 @@ class Actuator:
             >>> actuator.available_torque(np.array([0.0, 700.0]))
             array([0.95, 0.  ])
         """
-        return self._available_torque(*arguments.alike(speed=speed))
-
-    def _available_torque(self, speed: Array) -> Array:
-        points = self.curve_points
-        return np.full(speed.shape, np.nan) if points is None else torque_below(points, speed)
+        (speed,) = arguments.alike(speed=speed)
+        if self.unknown_limits:
+            return np.full(speed.shape, np.nan)
+        return self.short_time_region.highest_torque(np.abs(speed))
 
     def limit_uses(self, torque: Array, speed: Array) -> Array:
         """The share of each known limit of torque over speed.
@@ -402,10 +472,7 @@ class Actuator:
             >>> actuator.limit_uses(np.array([0.475]), np.array([100.0]))
             array([[0.5]])
         """
-        return self._limit_uses(*arguments.alike(torque=torque, speed=speed))
-
-    def _limit_uses(self, torque: Array, speed: Array) -> Array:
-        return self._curve_use(torque, speed)[None] if self.has_limits else np.zeros((0, len(torque)))
+        return self.short_time_region.uses(*arguments.alike(torque=torque, speed=speed))
 
     def curve_use(self, torque: Array, speed: Array) -> Array:
         """The share of the torque-speed curve that is used, along the ray from the origin.
@@ -429,9 +496,4 @@ class Actuator:
             >>> actuator.curve_use(np.array([0.475]), np.array([0.0]))
             array([0.5])
         """
-        return self._curve_use(*arguments.alike(torque=torque, speed=speed))
-
-    def _curve_use(self, torque: Array, speed: Array) -> Array:
-        if (points := self.curve_points) is None:
-            return np.full(np.broadcast_shapes(torque.shape, speed.shape), np.nan)
-        return share_of_curve(points, torque, speed)
+        return self.short_time_region.use(*arguments.alike(torque=torque, speed=speed))

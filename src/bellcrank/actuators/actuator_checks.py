@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bellcrank import arguments
-from bellcrank.actuators.torque_speed_curve import falling_curve
+from bellcrank.actuators.row_checks import Points
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,3 +63,22 @@ def check_ratings(actuator: Actuator) -> None:
 def _require(condition: bool, name: str, expected: str, found: object) -> None:
     if not condition:
         raise InputError(f"an actuator's {name}: expected {expected}, found {found}")
+
+
+def falling_curve(curve: object, where: str) -> Points:
+    """The points of a curve as numbers: speeds that start at 0 and rise, torques that do not. Raises InputError."""
+    expected = "at least two (speed rad/s, torque N m) points"
+    if isinstance(curve, np.ndarray) and curve.ndim == 2:
+        curve = curve.tolist()
+    if not isinstance(curve, (list, tuple)) or len(curve) < 2:
+        arguments.refuse("curve", expected, curve, where)
+    pairs = [arguments.vector("curve", pair, 2, most=arguments.LARGEST, where=where) for pair in curve]
+    points = tuple((float(speed), float(torque)) for speed, torque in pairs)
+    speeds, torques = zip(*points, strict=True)
+    if speeds[0] != 0.0 or not all(b > a for a, b in pairwise(speeds)):
+        raise InputError(f"{where}'s curve: expected speeds that start at 0 and rise, found {list(speeds)}")
+    if torques[0] <= 0.0 or torques[-1] < 0.0 or not all(b <= a for a, b in pairwise(torques)):
+        raise InputError(
+            f"{where}'s curve: expected torques of 0 or more that do not rise with the speed, found {list(torques)}"
+        )
+    return points

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.actuator import RATINGS, Actuator
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, condition_data, given_conditions
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
@@ -85,10 +85,9 @@ def actuator_data(actuator: Actuator, common: Conditions | None = None) -> dict[
 
     `common` are the conditions of the configuration: those that are alike are not repeated.
     """
-    from bellcrank.actuators.motor_with_gear import MotorWithGear
-
-    if not isinstance(actuator, MotorWithGear):
-        known = {name: value for name, value in vars(actuator).items() if value is not None}
+    if actuator.by_ratings:
+        names = (*RATINGS, "motor_efficiency", "curve")
+        known = {name: value for name in names if (value := getattr(actuator, name)) is not None}
         if actuator.curve is not None:
             known["curve"] = [list(point) for point in actuator.curve]
         return known

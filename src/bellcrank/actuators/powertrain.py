@@ -26,8 +26,17 @@ from bellcrank.actuators import electrical
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
-from bellcrank.actuators.shaft_load import motoring
+from bellcrank.cached_values import cached_property
 from bellcrank.numerics import floats
+
+
+def motoring(load: Array, velocity: Array) -> NDArray[np.bool_]:
+    """Whether a load takes power, as the one that a joint at rest holds does: load · velocity >= 0.
+
+    The velocity is 0 where the joint rests for a finite time; at another zero it has the sign of one of its sides, as
+    the samples of sizing/one_sided.py have it.
+    """
+    return floats(np.sign(load) * velocity >= 0.0)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +80,8 @@ class PowerTrains:
 
         They are [1/(N η), η_b/N, (J_rotor + J_gear) N, T_c, c_v N], NaN where a gear has only a curve of efficiency.
         """
-        gears, motors = self.gears, self.motors
-        columns = (
-            1.0 / (gears.ratio * gears.efficiency),
-            gears.driven_efficiency / gears.ratio,
-            self.shaft_inertia * gears.ratio,
-            motors.coulomb_torque,
-            motors.viscous_coefficient * gears.ratio,
-        )
+        motors = self.motors
+        columns = *self._factors, motors.coulomb_torque, motors.viscous_coefficient * self.gears.ratio
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def gear_torque(self, torque: Array, speed: Array) -> Array:
@@ -91,14 +94,26 @@ class PowerTrains:
         Returns:
             Torque, N m.
         """
-        gears, drives = self.gears, motoring(torque, speed)
-        size = np.abs(torque)
-        lost = np.where(drives, size * (1.0 / gears.efficiency - 1.0), size * (1.0 - gears.driven_efficiency))
-        curve = gears.efficiency_curve
-        if curve.known.any():
-            lost = np.where(curve.known, self._curve_loss(size, drives), lost)
+        drives, (driving, driven, _) = motoring(torque, speed), self._factors
+        found = torque * np.where(drives, driving, driven)
+        if self._curved is None:
+            return floats(found)
         opposed = np.where(speed == 0.0, np.sign(torque), np.sign(speed))
-        return floats((torque + opposed * lost) / gears.ratio)
+        lost = self._curve_loss(np.abs(torque), drives)
+        return floats(np.where(self._curved, (torque + opposed * lost) / self.gears.ratio, found))
+
+    @cached_property
+    def _factors(self) -> tuple[Array, Array, Array]:
+        """1/(N η) and η_b/N, of the load, and (J_rotor + J_gear) N, of its acceleration."""
+        gears = self.gears
+        through = 1.0 / (gears.ratio * gears.efficiency), gears.driven_efficiency / gears.ratio
+        return *through, self.shaft_inertia * gears.ratio
+
+    @cached_property
+    def _curved(self) -> NDArray[np.bool_] | None:
+        """Which gears have a curve of efficiency; None: no one has."""
+        known = self.gears.efficiency_curve.known
+        return known if known.any() else None
 
     def _curve_loss(self, size: Array, drives: NDArray[np.bool_]) -> Array:
         """Loss torque at the output, N m, of the curves of efficiency over load at torques of a size."""
@@ -130,9 +145,7 @@ class PowerTrains:
             >>> float(train.shaft_torque(np.array([11.31]), np.array([2.0]), np.array([3.0]))[0])
             0.28365
         """
-        return np.asarray(
-            self.gear_torque(torque, speed) + self.shaft_inertia * self.gears.ratio * np.asarray(acceleration)
-        )
+        return np.asarray(self.gear_torque(torque, speed) + self._factors[2] * np.asarray(acceleration))
 
     def load(self, torque: Array, speed: Array, acceleration: Array) -> ShaftLoad:
         """Everything at the shaft along a load.
@@ -148,7 +161,7 @@ class PowerTrains:
         motors = self.motors
         shaft_speed = self.gears.ratio * np.asarray(speed)
         through_gear = self.gear_torque(torque, speed)
-        shaft = through_gear + self.shaft_inertia * self.gears.ratio * np.asarray(acceleration)
+        shaft = through_gear + self._factors[2] * np.asarray(acceleration)
         current_torque = electrical.electrical_torque(motors, shaft, shaft_speed)
         return ShaftLoad(
             speed=shaft_speed,

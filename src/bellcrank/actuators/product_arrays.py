@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,10 +105,27 @@ class Curves:
 
 
 class _Indexed:
-    """Arrays that are indexed together."""
+    """Arrays that are indexed together; an entry of an index is taken when its figure is first asked for."""
 
     def __getitem__(self, index: Any) -> Self:
-        return type(self)(**{field.name: getattr(self, field.name)[index] for field in fields(self)})  # type: ignore[arg-type]
+        found = object.__new__(type(self))
+        vars(found)["_taken_from"] = self, index
+        return found
+
+    def with_figures(self, **figures: Any) -> Self:
+        """The same products with other figures."""
+        found = self[...]
+        vars(found).update(figures)
+        return found
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or "_taken_from" not in vars(self):
+                raise AttributeError(name)
+            source, index = vars(self)["_taken_from"]
+            vars(self)[name] = value = getattr(source, name)[index]
+            return value
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

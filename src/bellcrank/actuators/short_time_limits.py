@@ -120,10 +120,11 @@ def curve_use(curves: Curves, torque: Array, speed: Array) -> Array:
         for k in range(curves.x.shape[-1] - 1):
             x0, x1, y0, y1 = curves.x[..., k], curves.x[..., k + 1], curves.y[..., k], curves.y[..., k + 1]
             # The segment's line in the quadrant is n · (ω, T) = c with c >= 0; a point's use of it is n · (ω, T) / c.
-            # It counts where the ray crosses the segment: between the directions of its ends.
+            # It counts where the ray crosses the segment: between the directions of its ends. Without torque the ray
+            # ends with the curve, which may be 0 before its end.
             x0c = np.maximum(x0, 0.0)
             y0c = np.where(x0 < 0.0, y0 + (y1 - y0) * (-x0 / (x1 - x0)), y0)
-            crosses = (x1 > 0.0) & (torque * x0c <= speed * y0c) & (torque * x1 >= speed * y1)
+            crosses = (torque > 0.0) & (x1 > 0.0) & (torque * x0c <= speed * y0c) & (torque * x1 >= speed * y1)
             constant = y0c * x1 - y1 * x0c
             along = (torque * (x1 - x0c) + speed * (y0c - y1)) / constant
             use = np.where(crosses & (constant > 0.0), np.fmax(use, along), use)

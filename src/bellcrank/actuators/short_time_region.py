@@ -37,8 +37,12 @@ class ShortTimeRegion:
 
     @cached_property
     def _limits(self) -> dict[str, list[SpeedTorqueLimit]]:
-        """The known straight limits, by name; those on the electrical torque need the motor's friction too."""
+        """The known straight limits, by name; those on the electrical torque need the motor's friction too. Those of a
+        motor that is given by ratings are part of its curve.
+        """
         found: dict[str, list[SpeedTorqueLimit]] = {}
+        if self.motor.by_ratings:
+            return found
         for limit in short_time_limits(self._motors, self.conditions):
             friction = 0.0 if limit.basis == "shaft" else self._motors.coulomb_torque[0]
             if not np.isnan(limit.torque[0] + limit.speed[0] + friction):
@@ -59,12 +63,16 @@ class ShortTimeRegion:
         """The limits that are unknown; none where the maker prints a curve. That of the speed counts apart."""
         if self._curve_known:
             return ()
+        if self.motor.by_ratings:
+            return ("the torque-speed curve",)
         torque = "peak torque" in self._limits or "peak current" in self._limits
         voltage = "voltage limit" in self._limits
         return (() if torque else (PEAK,)) + (() if voltage else ("the voltage limit",))
 
     def use(self, torque: Array, speed: Array) -> Array:
         """The largest share (n,) of the known limits at shaft torques N m and speeds rad/s; NaN where none is known."""
+        if self.motor.by_ratings:
+            return peak_curve_use(self._motors, self.conditions, torque, speed)
         uses = self.uses(torque, speed)
         return np.asarray(uses.max(axis=0)) if len(uses) else np.full(uses.shape[1:], np.nan)
 
@@ -96,7 +104,8 @@ class ShortTimeRegion:
                     high = np.minimum(high, (1.0 - b * speed) / a - (friction if limit.basis == "electrical" else 0.0))
         if self._curve_known:
             curve = peak_curves(self._motors, self.conditions)
-            high = np.minimum(high, curve.at(np.abs(speed), beyond=-np.inf))
+            beyond = 0.0 if self.motor.by_ratings else -np.inf
+            high = np.minimum(high, curve.at(np.abs(speed), beyond=beyond))
         return high
 
     @cached_property
@@ -135,6 +144,14 @@ class ShortTimeRegion:
         top = self.largest_speed
         if not np.isfinite(top):
             return None
+        if self.motor.by_ratings:
+            corners = np.array([*(self.motor.peak_curve or ()), (top, 0.0)]) * [
+                [[1, 1]],
+                [[1, -1]],
+                [[-1, -1]],
+                [[-1, 1]],
+            ]
+            return np.concatenate([corners[0], corners[1, ::-1], corners[2], corners[3, ::-1]])
         speed = np.linspace(-top, top, 2 * SPEEDS - 1)
         high, low = self.highest_torque(speed), -self.highest_torque(-speed)
         inside = np.isfinite(high) & np.isfinite(low) & (high >= low)

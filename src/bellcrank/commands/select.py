@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -218,18 +219,21 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{designs.table()}\n")
         for note in designs.notes:
             print(f"{note.label}: {note}")
-    print(table(selection))
-    for text in selection.warnings:
-        print(wrapped(f"note: {text}", "", "  "))
-    earlier = earlier_files(folder)
-    files = write_results(selection, folder)  # first what matters most, in case the disk is full
-    with list_on_failure(files, folder):
+    earlier, files = earlier_files(folder), list[Path]()
+    with list_on_failure(files, folder), ExitStack() as beside:
+        pictures = None
+        if not arguments.no_plots:
+            from bellcrank.sizing.selection.plots import plots_aside
+
+            pictures = beside.enter_context(plots_aside(selection, folder))
+        print(table(selection))
+        for text in selection.warnings:
+            print(wrapped(f"note: {text}", "", "  "))
+        files += write_results(selection, folder)
         if designs is not None:
             files += [designs.to_csv(folder / DESIGNS[0]), designs.to_json(folder / DESIGNS[1])]
-        if not arguments.no_plots:
-            from bellcrank.sizing.selection.plots import write_plots
-
-            files += write_plots(selection, folder)
+        if pictures is not None:
+            files += pictures()
         if page is not None:
             from bellcrank.reports.report import report
 

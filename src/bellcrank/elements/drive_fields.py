@@ -75,7 +75,7 @@ def read_drives(
 def _drive(entry: Fields, joint: RobotJoint, actuator: Actuator, context: ControlContext) -> Drive:
     model = entry.choice("model", MODELS)
     motor, gear = actuator.rows
-    conditions = actuator.judged_under
+    conditions = actuator.conditions
     numbers = _gear_numbers(entry, joint, motor, gear)
     loss, law = _friction_numbers(entry, motor)
     circuit = _torque_limits(motor, conditions) if model == "torque" else _circuit(entry, model, motor, conditions)

@@ -130,7 +130,7 @@ def read_supply(
     missing = [key for key in ("voltage", "bus_capacitance") if getattr(conditions, key) is None]
     if missing:
         raise read.error(KEY, f"a supply requires conditions.{' and conditions.'.join(missing)}")
-    if any(actuators[drive.joint.name].judged_under.voltage != conditions.voltage for drive in drives):
+    if any(actuators[drive.joint.name].conditions.voltage != conditions.voltage for drive in drives):
         raise read.error(KEY, "one bus supplies all drives; state the voltage in 'conditions' alone")
     brakes = conditions.brake_resistance is not None or bool(conditions.brake_resistor_power)
     for key in ("brake_resistance", "bus_max_voltage"):

@@ -63,7 +63,7 @@ class MotorCycle:
     def use(self, limit: Limit, pause: float) -> float | None:
         """The share of a limit that is used where the motion repeats with a pause, s; None where it is unknown."""
         loads = replace(self.loads, cycles=tuple(_with_pause(cycle, pause) for cycle in self.loads.cycles))
-        pair, conditions, criterion = pair_of(self.actuator), self.actuator.judged_under, CRITERIA[limit]
+        pair, conditions, criterion = pair_of(self.actuator), self.actuator.conditions, CRITERIA[limit]
         if not criterion.applies(pair, loads.axis, conditions)[0]:
             return None
         use = float(criterion.use(pair, loads, conditions)[0])

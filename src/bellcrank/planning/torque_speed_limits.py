@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 
 Array = NDArray[np.float64]
 Polyline = tuple[tuple[float, float], ...]
@@ -23,13 +22,9 @@ def torque_speed_polylines(actuator: Actuator) -> tuple[Polyline, Polyline] | No
     For an actuator of a catalogue the limits are straight lines between corners, which are found by intersecting the
     lines beside them.
     """
-    if isinstance(actuator, MotorWithGear):
-        return _region_polylines(actuator)
-    points = actuator.curve_points
-    return None if points is None else (tuple(points), tuple(points))
-
-
-def _region_polylines(actuator: MotorWithGear) -> tuple[Polyline, Polyline] | None:
+    if actuator.by_ratings:
+        points = actuator.curve_points
+        return None if points is None else (points, points)
     outline = actuator.outline
     if outline is None:
         return None

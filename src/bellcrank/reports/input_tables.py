@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen.llvm import processor
 from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
@@ -105,13 +104,13 @@ def _known(value: float | None) -> str:
 
 
 def _motor_efficiency(actuator: Actuator) -> str:
-    if isinstance(actuator, MotorWithGear):
+    if not actuator.by_ratings:
         return "from the motor"
     return "1, not given" if actuator.motor_efficiency is None else f"{actuator.motor_efficiency:.4g}"
 
 
 def _curve(actuator: Actuator) -> str:
-    if isinstance(actuator, MotorWithGear):
+    if not actuator.by_ratings:
         gear = "" if actuator.gear.kind == "direct" else f" with {actuator.gear.id}"
         return f"of {actuator.motor.id}{gear}"
     return "from the ratings" if actuator.curve is None else f"{len(actuator.curve)} points"

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator_fields import actuator_data, drive_data
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
@@ -169,7 +168,7 @@ def _without_catalogue(scene: Scene, data: dict[str, Any]) -> dict[str, Any]:
     """The key `actuators` with the figures of the motors and gears that it names; the catalogue may change."""
     data.pop("catalogue", None)
     actuators = scene.config.actuators
-    if not any(isinstance(one, MotorWithGear) for one in actuators.values()):
+    if all(one.by_ratings for one in actuators.values()):
         return {}
     before = data.get("actuators", {})
     return {

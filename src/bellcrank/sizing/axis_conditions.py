@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank.actuators.condition_fields import ROBOT_WIDE
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
@@ -44,7 +43,7 @@ def conditions_of(
     common = Conditions() if config is None else config.conditions
     actuator = None if config is None or axis is None else config.actuators.get(axis)
     stated: Mapping[str, Any] = {}
-    if isinstance(actuator, MotorWithGear):
+    if actuator is not None and not actuator.by_ratings:
         own = actuator.conditions
         stated = own.only(name for name, source in own.sources.items() if source != ROBOT_WIDE)
     elif actuator is not None and actuator.safety_factor != common.safety_factor:

@@ -9,13 +9,18 @@ function with the parameters of each design; peaks between the points are refine
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator_designs import ActuatorDesigns
+from bellcrank.actuators.actuator import Actuator
+from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
+from bellcrank.actuators.short_time_limits import curve_use
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
@@ -24,6 +29,7 @@ from bellcrank.sizing.motion_states import MotionStates
 from bellcrank.sizing.series_maxima import Brackets, brackets_of, refined
 
 Array = NDArray[np.float64]
+Index = Any  # what selects designs or motors: numbers, or arrays of them
 Torques = Callable[[Array, Array, Array, Array, Array], Array]  # (t, q, v, a, p) -> (n, k)
 LARGEST = 1e100  # N m or N, as in inverse dynamics: larger torques are not used
 SERIES = ("max_torque", "min_torque", "power", "shaft_torque", "curve_use")
@@ -36,19 +42,67 @@ class DesignInputs:
     Attributes:
         parameters: The values (n, np) of the scene's parameters.
         states: Their states along the motion.
-        actuators: The actuators of those motors whose shaft torque is known.
-        joints: Which of the k motors these are.
+        joints: Which of the k motors have a known shaft torque.
+        actuators: Their actuators, as they are without changes.
+        ratings: Their ratings, arrays (n, len(joints)) by the names of `RATINGS`; NaN where unknown. They differ from
+            design to design only for actuators that are made from ratings.
         rotor_inertia: Inertias (k,) that the torques of the mechanism contain and that count at the shaft.
     """
 
     parameters: Array
     states: MotionStates
-    actuators: ActuatorDesigns
     joints: NDArray[np.intp]
+    actuators: tuple[Actuator, ...]
+    ratings: Mapping[str, Array]
     rotor_inertia: Array
 
     def __len__(self) -> int:
         return len(self.parameters)
+
+    @property
+    def _each(self) -> NDArray[np.intp]:
+        return np.tile(np.arange(len(self.actuators)), (len(self), 1))
+
+    @cached_property
+    def trains(self) -> PowerTrains:
+        """The motors and gears (n, len(joints))."""
+        ratings = self.ratings
+        motors = MotorArrays.of([one.rows[0] for one in self.actuators])[self._each]
+        gears = GearArrays.of([one.rows[1] for one in self.actuators])[self._each]
+        driven = np.where(motors.by_ratings == 1.0, ratings["efficiency"], gears.driven_efficiency)
+        return PowerTrains(
+            motors.with_figures(rotor_inertia=ratings["rotor_inertia"]),
+            gears.with_figures(
+                ratio=ratings["ratio"],
+                efficiency=ratings["efficiency"],
+                driven_efficiency=driven,
+                inertia=ratings["gear_inertia"],
+            ),
+        )
+
+    @cached_property
+    def curves(self) -> Curves:
+        """The torque-speed curves (n, len(joints)) of those that are made from ratings."""
+        curves = Curves.of([one.curve or ((0.0, 0.0),) * 3 for one in self.actuators])[self._each]
+        for k, one in enumerate(self.actuators):
+            if one.curve is None:
+                rated, last, peak = (self.ratings[name][:, k] for name in ("rated_speed", "max_speed", "peak_torque"))
+                curves.x[:, k, :3] = np.stack([np.zeros(len(self)), rated, last], axis=1)
+                curves.y[:, k, :3] = np.stack([peak, peak, np.where(last > rated, 0.0, peak)], axis=1)
+        return curves
+
+    def curve_use(self, designs: Index, shafts: Index, torque: Array, velocity: Array) -> Array:
+        """The share of the limits of torque over speed that is used, with the safety factor, as `Actuator.curve_use`.
+
+        `torque` is at the shaft, `velocity` at the joint; `designs` and `shafts` (numbers) broadcast with them.
+        """
+        used = self.ratings["safety_factor"][designs, shafts] * torque
+        speed = self.ratings["ratio"][designs, shafts] * velocity
+        found = curve_use(self.curves[designs, shafts], used, speed)
+        for k, one in enumerate(self.actuators):
+            if not one.by_ratings and (here := np.broadcast_to(shafts == k, torque.shape)).any():
+                found[here] = one.curve_use(used[here], np.broadcast_to(speed, torque.shape)[here])
+        return found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,9 +175,9 @@ class DesignMotion:
         """All series (c, n) of one design, in the order of `SERIES`."""
         of, here = designs.joints, np.arange(len(designs.joints))[:, None]
         speed, rate = motion[0][of], motion[1][of]
-        shaft = designs.actuators.shaft_torque(d, here, torque[of], (speed, rate))
-        use = designs.actuators.curve_use(d, here, shaft, speed)
-        limited = np.array([one.has_limits for one in designs.actuators.actuators], dtype=bool)
+        shaft = designs.trains[d, here].shaft_torque(torque[of], speed, rate)
+        use = designs.curve_use(d, here, shaft, speed)
+        limited = np.array([one.has_limits for one in designs.actuators], dtype=bool)
         use[~limited] = 0.0
         return np.concatenate([torque, -torque, np.abs(torque * motion[0]), np.abs(shaft), use])
 
@@ -155,8 +209,8 @@ class DesignMotion:
             line = np.where(what == 1, -torque, np.where(what == 2, np.abs(torque * speed), torque))
             if (on := np.flatnonzero(what >= 3)).size:
                 of = own[on], shaft[rows[on]]
-                load = designs.actuators.shaft_torque(*of, torque[on], (speed[on], rate[on]))
-                use = designs.actuators.curve_use(*of, load, speed[on])
+                load = designs.trains[of].shaft_torque(torque[on], speed[on], rate[on])
+                use = designs.curve_use(*of, load, speed[on])
                 line[on] = np.where(what[on] == 3, np.abs(load), use)
             return np.asarray(line.reshape(times.shape))
 

@@ -251,7 +251,7 @@ def judge_drives(
     if not drives:
         return DriveVerdicts(drives=())
     found = axis_loads(mechanism, motions, duty, transmissions, mounts, drives, mass_tolerance)
-    for one in (conditions or Conditions(), *(drive.judged_under for drive in drives.values())):
+    for one in (conditions or Conditions(), *(drive.conditions for drive in drives.values())):
         check_momentary_loads(one, [axis.name for axis in found.axes])
     loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
     verdicts = tuple(_verdict(one, drives[one.axis.name]) for one in loads)
@@ -277,7 +277,7 @@ def pair_of(actuator: Actuator) -> Pairs:
 
 
 def _verdict(loads: ReducedLoads, actuator: Actuator) -> DriveVerdict:
-    pair, conditions = pair_of(actuator), actuator.judged_under
+    pair, conditions = pair_of(actuator), actuator.conditions
     results = tuple(criterion.result(pair, loads, conditions) for criterion in (*CRITERIA, *NOTES))
     return DriveVerdict(axis=loads.axis.name, actuator=actuator, criteria=results)
 

@@ -22,8 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.expression_array import ExpressionArray, expressions
 from bellcrank.sizing.drive_verdicts import pair_of
@@ -153,14 +151,14 @@ class LiveDrive:
             interval=np.zeros(1, dtype=np.intp), sequence=((0, 1, 1),), features=features, torque=cast(Array, torque),
             static_torque=np.nan, inertia=none, axial_force=np.nan, tilting_moment=np.nan,
         )  # fmt: skip
-        whole = whole.with_safety_factor(self.actuator.judged_under.safety_factor)
+        whole = whole.with_safety_factor(self.actuator.conditions.safety_factor)
         cycle = whole
         if self._through:
-            cycle = whole.through(PowerTrains.of(Motor(id="any", maker="", model=""), self.actuator.rows[1]))
+            cycle = whole.through(self.actuator.train)
         (shaft,) = expressions(shaft_coefficients(self.pair, cycle) @ cycle.features.T)
         travel = np.abs(whole.speed)
         powers = [travel * np.abs(whole.torque) ** exponent for exponent in self._exponents]
-        uses = [one.cycle_use(self.pair, cycle, self.actuator.judged_under) for one in self._points]
+        uses = [one.cycle_use(self.pair, cycle, self.actuator.conditions) for one in self._points]
         return DriveSample(
             shaft,
             [sample.inertia, *(expression for use in uses for expression in expressions(use))],
@@ -178,7 +176,7 @@ class LiveDrive:
         import casadi
 
         torque, speed, mean_speed, shaft = (ExpressionArray.of(each, ()) for each in joint)
-        conditions = self.actuator.judged_under
+        conditions = self.actuator.conditions
         factor = conditions.safety_factor
         travel = {p: ExpressionArray.of(value, ()) for p, value in zip(self._exponents, mean[1:], strict=True)}
         reduced = _Reductions(

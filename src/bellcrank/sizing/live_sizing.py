@@ -372,7 +372,7 @@ def _nice(value: float) -> float:
 
 def _of_ratings(actuator: Actuator) -> bool:
     """Whether an actuator is given by its ratings, and states what the torque at its shaft needs."""
-    return type(actuator) is Actuator and not actuator.unknown_of_torque
+    return actuator.by_ratings and not actuator.unknown_of_torque
 
 
 def _torques(

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, json_files
 from bellcrank.files.access import read_text
@@ -256,6 +255,6 @@ def _shaft_document(shaft: ShaftSizing) -> dict[str, Any]:
 def _actuator_document(actuator: Actuator) -> dict[str, Any]:
     """The ratings with the torque-speed curve; of a motor with a gear also these and their conditions."""
     points = actuator.curve_points
-    ratings = {entry.name: getattr(actuator, entry.name) for entry in fields(Actuator)}
+    ratings = {entry.name: getattr(actuator, entry.name) for entry in fields(Actuator) if entry.init}
     document = ratings | {"curve": points and [list(point) for point in points]}
-    return document | actuator_data(actuator) if isinstance(actuator, MotorWithGear) else document
+    return document | ({} if actuator.by_ratings else actuator_data(actuator))

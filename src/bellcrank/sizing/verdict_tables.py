@@ -70,7 +70,7 @@ def _title(one: DriveVerdict) -> str:
         factor = one.actuator.safety_factor
         return f"{one.axis}: ratings" + (f"; safety factor {factor:g}" if factor != 1.0 else "")
     name = motor.id if gear.kind == "direct" else f"{motor.id} + {gear.id}"
-    stated = selected_for(one.actuator.judged_under)
+    stated = selected_for(one.actuator.conditions)
     return f"{one.axis}: {name}; {', '.join(f'{key} {value}' for key, value in stated)}"
 
 

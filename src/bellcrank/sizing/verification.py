@@ -531,7 +531,7 @@ def _temperature(run: Trajectory, drive: Drive, torque: Array, speed: Array) -> 
     """The largest winding temperature where the run repeats indefinitely, °C; None where unknown."""
     actuator = run.scene.config.actuators[drive.joint.name]
     motor, _ = actuator.rows
-    motors, conditions = MotorArrays.of((motor,)), actuator.judged_under
+    motors, conditions = MotorArrays.of((motor,)), actuator.conditions
     if len(run.time) < 2:
         return None
     copper, friction = copper_loss(motors, torque), np.abs(friction_loss(motors, speed))

@@ -16,8 +16,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_designs import RATINGS
+from bellcrank.actuators.actuator import RATINGS
 from bellcrank.config.fields import parse_number
 from bellcrank.elements.element import Bound
 from bellcrank.elements.parameters import is_of_the_tree, parameter_bounds, parameter_name, target_of
@@ -215,7 +214,7 @@ def _rating(scene: Scene, path: str) -> Change | None:
         return None
     joint, name = match.groups()
     actuator = scene.config.actuators[joint]
-    if type(actuator) is not Actuator or getattr(actuator, name) is None or joint in scene.config.coupled_motors:
+    if not actuator.by_ratings or getattr(actuator, name) is None or joint in scene.config.coupled_motors:
         return None
     return Change(kind="rating", path=path, unit=RATINGS[name], owner=joint)
 

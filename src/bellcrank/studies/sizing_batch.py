@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.actuator_designs import ActuatorDesigns
+from bellcrank.actuators.actuator import RATINGS, Actuator
 from bellcrank.sizing.design_peaks import DesignInputs, DesignPeaks
 from bellcrank.sizing.motion_states import MotionStates, OwnStates, SharedStates
 from bellcrank.studies.scene_designs import SceneDesigns
@@ -29,7 +29,8 @@ class SizingBatch:
     def __init__(self, shared: SharedSizing, values: Array) -> None:
         self.shared, self.values = shared, values
         self.parameters = parameters_of(shared, values)
-        self.actuators = actuators_of(shared, values)
+        self.actuators = actuators_of(shared)
+        self.ratings = ratings_of(shared, values)
         self.stretches = [self._stretch(motion.name, motion.duration) for motion in shared.motions]
 
     def __len__(self) -> int:
@@ -54,8 +55,9 @@ class SizingBatch:
             inputs = DesignInputs(
                 parameters=self.parameters,
                 states=states,
-                actuators=self.actuators.only(places),
                 joints=np.array(shared.known, dtype=np.intp),
+                actuators=tuple(self.actuators[place] for place in places),
+                ratings={name: column[:, places] for name, column in self.ratings.items()},
                 rotor_inertia=shared.loads.rotor_inertia,
             )
             each.append(motion.peaks(inputs))
@@ -131,16 +133,16 @@ class SizingBatch:
 
     def _shaft_measures(self, place: int, k: int, each: Sequence[DesignPeaks]) -> dict[str, Array]:
         """The measures at the shaft of the k-th motor, whose actuator is that at a place among all."""
-        shared, ratio = self.shared, self.actuators.ratings["ratio"][:, place]
+        shared, ratio = self.shared, self.ratings["ratio"][:, place]
         torque = rms = curve = np.full((len(self), len(each)), np.nan)
         if k in shared.known:
             at = shared.known.index(k)
             torque = np.stack([peaks.shaft_torque[:, at] for peaks in each], axis=1)
             rms = np.stack([peaks.rms_shaft_torque[:, at] for peaks in each], axis=1)
-            if self.actuators.actuators[place].has_limits:
+            if self.actuators[place].has_limits:
                 curve = np.stack([peaks.curve_use[:, at] for peaks in each], axis=1)
         speed = ratio * self._peak_speed(k)
-        rating = {name: values[:, place] for name, values in self.actuators.ratings.items()}
+        rating = {name: values[:, place] for name, values in self.ratings.items()}
         peak, effective, factor = torque.max(axis=1), rms.max(axis=1), rating["safety_factor"]
         margins = {  # what the criteria of these names (sizing/selection) say of ratings
             "peak_torque_margin": 1.0 - factor * peak / rating["peak_torque"],
@@ -158,7 +160,7 @@ def certain(shared: SharedSizing, values: Array) -> Mask:
     good = np.ones(len(values), dtype=bool)
     for change, column in zip(shared.changes, values.T, strict=True):
         good &= change.certain(column)
-    ratings = actuators_of(shared, values).ratings
+    ratings = ratings_of(shared, values)
     with np.errstate(invalid="ignore"):  # NaN is unknown, and accepted
         for low, high in (("rated_torque", "peak_torque"), ("rated_speed", "max_speed")):
             good &= ~(ratings[low] > ratings[high]).any(axis=1)
@@ -192,15 +194,20 @@ def parameters_of(shared: SharedSizing, values: Array) -> Array:
     return found
 
 
-def actuators_of(shared: SharedSizing, values: Array) -> ActuatorDesigns:
-    """The actuators of the motors that have one, in designs (n, axes)."""
+def actuators_of(shared: SharedSizing) -> list[Actuator]:
+    """The actuators of the motors that have one, without changes."""
+    return [shared.loads.actuators[shared.loads.joint_names[k]] for k in shared.with_actuator]
+
+
+def ratings_of(shared: SharedSizing, values: Array) -> dict[str, Array]:
+    """The ratings (n, actuators) of designs (n, axes); NaN where unknown."""
     names = [shared.loads.joint_names[k] for k in shared.with_actuator]
-    varied = {
-        (names.index(change.owner), change.path.rpartition(".")[2]): column
-        for change, column in zip(shared.changes, values.T, strict=True)
-        if change.kind == "rating" and change.owner in names
-    }
-    return ActuatorDesigns.of([shared.loads.actuators[name] for name in names], varied, len(values))
+    stated = {name: np.array([getattr(one, name) for one in actuators_of(shared)], dtype=float) for name in RATINGS}
+    found = {name: np.tile(each, (len(values), 1)) for name, each in stated.items()}
+    for change, column in zip(shared.changes, values.T, strict=True):
+        if change.kind == "rating" and change.owner in names:
+            found[change.path.rpartition(".")[2]][:, names.index(change.owner)] = column
+    return found
 
 
 class _ParameterAxis:

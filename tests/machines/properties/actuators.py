@@ -78,7 +78,7 @@ class Actuators:
     def test_an_actuator_of_ratings_has_the_curve_and_losses_of_its_ratings(self, sized):
         random = np.random.default_rng(12)
         for one in sized.inputs.actuators.values():
-            if hasattr(one, "motor"):
+            if not one.by_ratings:
                 continue
             speed = random.uniform(-1.2, 1.2, 60) * one.max_speed / one.ratio
             torque = random.uniform(-1.2, 1.2, 60) * one.peak_torque * one.ratio

@@ -248,9 +248,9 @@ def limit_uses(sized, plain_loads, limits, torque, states):
             shaft = PlainShaft(one, torque[:, k], v[:, column], a[:, column], np.ones(len(q)))
             found[f"motor torque of {joint.name}"] = shaft.curve_use()
             tops = [one.max_speed]
-            if (gear := getattr(one, "gear", None)) is not None:
-                tops.append(gear.max_speed)
-                load = one.safety_factor * np.abs(torque[:, k]) / gear.repeated_peak_torque
+            if not one.by_ratings:
+                tops.append(one.gear.max_speed)
+                load = one.safety_factor * np.abs(torque[:, k]) / one.gear.repeated_peak_torque
                 found[f"gear torque of {joint.name}"] = load
             if one.__dict__.get("curve"):
                 tops.append(one.curve[-1][0])

@@ -192,7 +192,7 @@ class Sizing:
                 for cycle in joint.cycles
             ]
             limits, margins = shaft.actuator, shaft.margins
-            of_ratings = getattr(limits, "motor", None) is None
+            of_ratings = limits.by_ratings
             assert set(margins) == RATINGS if of_ratings else set(margins) > RATINGS - {"peak curve"}
             expected = {
                 "peak torque": 1.0 - safety * shaft.peak_torque.value / limits.peak_torque,

@@ -14,14 +14,13 @@ from own_products import write_products
 
 from bellcrank.actuators.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.actuators.motor_with_gear import MotorWithGear
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.errors import InputError
 from bellcrank.files.json_files import list_files
 from bellcrank.robot.payload import Payload
 from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.simulation.simulate import simulate
-from bellcrank.sizing.selection.plots import selection_figures, write_plots
+from bellcrank.sizing.selection.plots import plots_aside, selection_figures
 from bellcrank.sizing.selection.select import select
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.selection.selection_files import (
@@ -154,7 +153,8 @@ def test_pictures_are_drawn_also_where_torques_are_unknown(
 ) -> None:
     from PIL import Image
 
-    paths = write_plots(arm, tmp_path)
+    with plots_aside(arm, tmp_path) as drawn:
+        paths = drawn()
     assert {path.name for path in paths} <= set(FILES) and {path.name for path in paths} >= {"motors.png"}
     for path in paths:
         with Image.open(path) as image:
@@ -230,7 +230,7 @@ def test_the_written_file_keeps_the_original_and_names_sources(arm: Selection, w
     for one in arm.axes:
         assert one.chosen is not None
         actuator = after.actuators[one.axis.name]
-        assert isinstance(actuator, MotorWithGear) and (actuator.motor, actuator.gear) == arm.stated(one.chosen)
+        assert not actuator.by_ratings and (actuator.motor, actuator.gear) == arm.stated(one.chosen)
         assert actuator.conditions.assume == (("gear.efficiency", 0.6),)
 
 

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.actuators.shaft_load import motoring
+from bellcrank.actuators.powertrain import PowerTrains, motoring
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
 from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bellcrank.actuators.motor_with_gear import MotorWithGear
     from bellcrank.sizing.selection.selection import AxisSelection, Selection
 
 Array = NDArray[np.float64]
@@ -46,7 +45,7 @@ def motors_figure(selection: Selection) -> Figure:
     return figure
 
 
-def actuator_of(selection: Selection, one: AxisSelection) -> MotorWithGear:
+def actuator_of(selection: Selection, one: AxisSelection) -> Actuator:
     """The actuator that was chosen for an axis, under the conditions of the axis."""
     assert one.chosen is not None
     return Actuator.of(one.chosen.motor, one.chosen.gear, one.conditions)
@@ -88,7 +87,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     axis.set_title(literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")
 
 
-def _limits(axis: Axes, actuator: MotorWithGear, reach: Array) -> Array:
+def _limits(axis: Axes, actuator: Actuator, reach: Array) -> Array:
     """Draw what the motor allows, and return the half width and height that the plane shows."""
     continuous, outline = actuator.continuous_outline, actuator.outline
     if continuous is not None:
@@ -105,10 +104,9 @@ def _limits(axis: Axes, actuator: MotorWithGear, reach: Array) -> Array:
         label = "short-time limits" + (", as far as known" if actuator.unknown_limits else "")
         axis.plot(outline[:, 0] * RPM, outline[:, 1], color=CURVE, linewidth=1.2, label=label)
     reach = np.where(reach > 0.0, MARGIN * reach, 1.0)
-    lines = actuator.voltage_lines(np.linspace(-reach[0], reach[0], 201))
-    if lines is not None:
-        speed, high, low = lines
-        for torque, label in ((high, "voltage limit"), (low, None)):
+    speed = np.linspace(-reach[0], reach[0], 201)
+    if (lines := actuator.short_time_region.voltage_torques(speed)) is not None:
+        for torque, label in zip(lines, ("voltage limit", None), strict=True):
             axis.plot(speed * RPM, torque, color=VOLTAGE, linestyle="-.", linewidth=1.0, label=label)
     if actuator.max_speed is not None:
         for side, label in ((1.0, "largest speed"), (-1.0, None)):

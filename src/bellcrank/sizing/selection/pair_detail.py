@@ -143,8 +143,7 @@ def _ideal_where_unknown(motors: Sequence[Motor], gears: Sequence[Gear]) -> tupl
         "rotor inertia": np.isnan(motor.rotor_inertia),
     }
     no_efficiency = unknown["gear efficiency"]
-    ideal = replace(
-        gear,
+    ideal = gear.with_figures(
         efficiency=np.where(no_efficiency, 1.0, gear.efficiency),
         driven_efficiency=np.where(no_efficiency, 1.0, gear.driven_efficiency),
         efficiency_curve=Curves.of(
@@ -152,7 +151,7 @@ def _ideal_where_unknown(motors: Sequence[Motor], gears: Sequence[Gear]) -> tupl
         ),
         inertia=np.nan_to_num(gear.inertia),
     )
-    turning = replace(motor, rotor_inertia=np.nan_to_num(motor.rotor_inertia))
+    turning = motor.with_figures(rotor_inertia=np.nan_to_num(motor.rotor_inertia))
     left_out = [tuple(name for name, where in unknown.items() if where[k]) for k in range(len(motors))]
     return PowerTrains(turning, ideal), left_out
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,23 +70,6 @@ class Products:
         return self._kept[key]
 
 
-class _Selected:
-    """Some products of `MotorArrays` or `GearArrays`; a figure is taken when it is first asked for."""
-
-    def __init__(self, arrays: MotorArrays | GearArrays, index: Index) -> None:
-        self._arrays, self._index = arrays, index
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        value = getattr(self._arrays, name)[self._index]
-        setattr(self, name, value)
-        return value
-
-    def __getitem__(self, index: Any) -> MotorArrays | GearArrays:
-        return self._arrays[self._index][index]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
     """m combinations of motors and gears.
@@ -140,12 +123,12 @@ class Pairs:
     @cached_property
     def motors(self) -> MotorArrays:
         """Figures of each pair's motor, each taken when it is first asked for."""
-        return cast(MotorArrays, _Selected(self.products.motor_arrays, self.motor))
+        return self.products.motor_arrays[self.motor]
 
     @cached_property
     def gears(self) -> GearArrays:
         """Figures of each pair's gear, each taken when it is first asked for."""
-        return cast(GearArrays, _Selected(self.products.gear_arrays, self.gear))
+        return self.products.gear_arrays[self.gear]
 
     @cached_property
     def coefficients(self) -> Array:

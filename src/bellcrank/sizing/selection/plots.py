@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from bellcrank.messages import unknown_name
 from bellcrank.plot_style import (
     DPI,
     colour,
+    figures_aside,
     heading,
     legend_columns,
     literal,
@@ -23,7 +25,6 @@ from bellcrank.plot_style import (
     place,
     plain,
     save_figure,
-    write_figures,
 )
 from bellcrank.sizing.selection.motor_plots import motors_figure
 from bellcrank.sizing.selection.tables import percent
@@ -56,9 +57,9 @@ def _figures(selection: Selection) -> dict[str, Callable[[], Figure]]:
     return figures
 
 
-def write_plots(selection: Selection, folder: str | Path) -> list[Path]:
-    """Write the figures of a selection as PNG into a folder, and return their paths. Raises InputError."""
-    return write_figures(_figures(selection), Path(folder))
+def plots_aside(selection: Selection, folder: Path) -> AbstractContextManager[Callable[[], list[Path]]]:
+    """Write the figures of a selection as PNG into a folder while a block runs; see `figures_aside`."""
+    return figures_aside(_figures(selection), folder)
 
 
 def plot_selection(selection: Selection, path: str | Path | None, what: str | None) -> Figure:

@@ -46,7 +46,9 @@ class Temperature(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Rise over permitted rise."""
-        peaks = _peaks_once(pairs, cycle, conditions)
+        peaks = pairs.once(
+            ("limited temperatures", cycle, conditions), lambda: _limited_temperatures(pairs, cycle, conditions)
+        )
         permitted = self.limit(pairs) - conditions.ambient
         rise = peaks[:, self._columns].T - conditions.ambient
         use, bound = np.where(permitted > 0.0, rise / permitted, np.inf + 0.0 * permitted)
@@ -79,7 +81,8 @@ class Temperature(Criterion):
         limit = float(self.limit(pair)[0])
         peak, most = map(float, _peaks_once(pair, cycle, conditions)[0, self._columns])
         of = "" if math.isnan(limit) else f" of {limit:.4g} °C"
-        when = self._when(pair, cycle, conditions)
+        # the periodic state is warmer than any time after a start at the ambient temperature
+        when = "" if peak <= limit else self._when(pair, cycle, conditions)
         if math.isinf(peak):
             return (
                 f"thermal runaway in '{cycle.name}': heat grows faster with the temperature than it is given off{when}"
@@ -150,6 +153,18 @@ def _losses(pairs: Pairs, cycle: ReducedCycle, moments: Array) -> tuple[Array, A
 def _peaks_once(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
     """The peak temperatures, computed once for both bodies and for their texts."""
     return pairs.once(("peak temperatures", cycle, conditions), lambda: peak_temperatures(pairs, cycle, conditions))
+
+
+def _limited_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+    """The peak temperatures of those pairs whose motor states a limit; NaN of the others, which most are."""
+    limits = np.stack([pairs.of_motor("max_winding_temperature"), pairs.of_motor("max_housing_temperature")])
+    rows = np.nonzero(~np.isnan(limits).all(axis=0))[0]
+    if len(rows) == len(pairs):
+        return _peaks_once(pairs, cycle, conditions)
+    found = np.full((len(pairs), 4), np.nan)
+    if len(rows):
+        found[rows] = peak_temperatures(pairs.take(rows), cycle, conditions)
+    return found
 
 
 def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
