@@ -59,7 +59,7 @@ class System:
         layout = SystemLayout.load("system-" + key)
         if layout is None or layout.sizes != sizes(layout.has_work):
             a = self.assembly
-            operations = self._state_function("rhs", [a.state_rate]).n_instructions()
+            operations = self.function_of_state("rhs", [a.state_rate]).n_instructions()
             layout = SystemLayout.of(scene, a, operations, sizes(a.has_work))
             layout.store("system-" + key)
         self._layout = layout
@@ -98,7 +98,7 @@ class System:
         """(t, x, u, p) -> dx/dt; with constraints by the plain solution, and its guard, which is positive where it
         holds.
         """
-        return self._compiled("rhs", lambda: self._state_function("rhs", self._rates()))
+        return self._compiled("rhs", lambda: self.function_of_state("rhs", self._rates()))
 
     @cached_property
     def stage(self) -> Compiled:
@@ -108,7 +108,7 @@ class System:
     @cached_property
     def fallback(self) -> Compiled:
         """(t, x, u, p) -> dx/dt by the proximal solution, which holds also where constraints depend on each other."""
-        return self._compiled("fallback", lambda: self._state_function("fallback", [self.assembly.state_rate]))
+        return self._compiled("fallback", lambda: self.function_of_state("fallback", [self.assembly.state_rate]))
 
     @cached_property
     def fallback_stage(self) -> Compiled:
@@ -122,7 +122,7 @@ class System:
     def _staged(self, name: str, outputs: list[casadi.SX]) -> casadi.Function:
         import casadi
 
-        a, f = self.assembly, self._state_function("f", outputs)
+        a, f = self.assembly, self.function_of_state("f", outputs)
         x, k, s = casadi.SX.sym("x", self.size), casadi.SX.sym("k", self.size), casadi.SX.sym("s")
         return casadi.Function(name, [a.t, x, a.u, a.p, k, s], f.call([a.t, x + s * k, a.u, a.p]))
 
@@ -131,7 +131,7 @@ class System:
         """(t, x, u, p) -> the correction of q and v that takes φ, φ̇ and ψ to 0 to first order, and the guard."""
 
         def build() -> casadi.Function:
-            return self._state_function("project", [self._projection(plain=True), self._solution.guard])
+            return self.function_of_state("project", [self._projection(plain=True), self._solution.guard])
 
         return self._compiled("project", build)
 
@@ -139,7 +139,7 @@ class System:
     def project_fallback(self) -> Compiled:
         """(t, x, u, p) -> the same correction by the proximal solution, which needs no guard."""
         return self._compiled(
-            "project fallback", lambda: self._state_function("project_fallback", [self._projection(plain=False)])
+            "project fallback", lambda: self.function_of_state("project_fallback", [self._projection(plain=False)])
         )
 
     def _projection(self, *, plain: bool) -> casadi.SX:
@@ -153,13 +153,13 @@ class System:
     def auxiliary_start(self) -> Compiled:
         """(t, x, u, p) -> the auxiliary states at the start (nz), of the position and velocity in x."""
         return self._compiled(
-            "auxiliary start", lambda: self._state_function("auxiliary_start", [self.assembly.auxiliary_start])
+            "auxiliary start", lambda: self.function_of_state("auxiliary_start", [self.assembly.auxiliary_start])
         )
 
     @cached_property
     def events(self) -> Compiled:
         """(t, x, u, p) -> the event functions, whose zeros are the events."""
-        return self._compiled("events", lambda: self._state_function("events", [self.assembly.events]))
+        return self._compiled("events", lambda: self.function_of_state("events", [self.assembly.events]))
 
     @cached_property
     def switches(self) -> Compiled:
@@ -173,14 +173,14 @@ class System:
             s, found = self.assembly.symbols, []
             for part in self._scene.elements:
                 found += [term_value(term, s, s.sides(part)) for term in part.switches]
-            return self._state_function("switches", [casadi.vertcat(*found, self.assembly.mode_switches)])
+            return self.function_of_state("switches", [casadi.vertcat(*found, self.assembly.mode_switches)])
 
         return self._compiled("switches", build)
 
     @cached_property
     def mode_turn(self) -> Compiled:
         """(t, x, u, p) -> what a run needs to find new modes of joints with dry friction (stuck_joints.py)."""
-        return self._compiled("modes", lambda: self._state_function("modes", [self.assembly.mode_turn]))
+        return self._compiled("modes", lambda: self.function_of_state("modes", [self.assembly.mode_turn]))
 
     @cached_property
     def _updates(self) -> dict[tuple[int, int], Compiled]:
@@ -202,7 +202,7 @@ class System:
                 for i, part in enumerate(self._scene.control)
                 if isinstance(part, Sampled | Drive) and part.samples is not None
             ]
-            return self._state_function("update", [casadi.vertcat(*held)])
+            return self.function_of_state("update", [casadi.vertcat(*held)])
 
         return self._compiled(f"update {k} {instant}", build)
 
@@ -210,7 +210,7 @@ class System:
         """(t, x, u, p) -> the impact of the latch of event k (latch_impact.py)."""
 
         def build() -> casadi.Function:
-            return self._state_function("latch", latch_impact(self._scene.events[k], self.assembly))
+            return self.function_of_state("latch", latch_impact(self._scene.events[k], self.assembly))
 
         return self._compiled(f"latch {k}", build)
 
@@ -229,7 +229,7 @@ class System:
             import casadi
 
             a = self.assembly
-            return self._state_function("jacobian", [_flat(casadi.jacobian(a.state_rate, a.state))])
+            return self.function_of_state("jacobian", [_flat(casadi.jacobian(a.state_rate, a.state))])
 
         return self._compiled("jacobian", build)
 
@@ -260,7 +260,7 @@ class System:
 
         def build() -> casadi.Function:
             c = self._solution.derivatives
-            return self._state_function(
+            return self.function_of_state(
                 "closure", [self._solution.proximal.multipliers, c.position_residual, c.velocity_residual]
             )
 
@@ -282,7 +282,7 @@ class System:
 
         def build() -> casadi.Function:
             c = self._solution.derivatives
-            return self._state_function("linearised", [c.position_residual, c.velocity_residual, entries(c.jacobian)])
+            return self.function_of_state("linearised", [c.position_residual, c.velocity_residual, entries(c.jacobian)])
 
         return self._compiled("linearised", build, seldom=True)
 
@@ -297,7 +297,7 @@ class System:
 
         def build() -> casadi.Function:
             solution = self._solution
-            return self._state_function("metric", [entries(solution.derivatives.jacobian), entries(solution.mass)])
+            return self.function_of_state("metric", [entries(solution.derivatives.jacobian), entries(solution.mass)])
 
         return self._compiled("metric", build, seldom=True)
 
@@ -311,7 +311,7 @@ class System:
             import casadi
 
             found = [constraint.alignment_cosine(self.assembly.symbols) for constraint in self._scene.constraints]
-            return self._state_function("facing", [casadi.vertcat(*found)])
+            return self.function_of_state("facing", [casadi.vertcat(*found)])
 
         return self._compiled("facing", build)
 
@@ -325,7 +325,7 @@ class System:
             s = self.assembly.symbols
             found = casadi.vertcat(*[constraint.alignment_residual(s) for constraint in self._scene.constraints])
             slope = casadi.jacobian(time_derivative(found, s), s.v)
-            return self._state_function("way", [found, _flat(slope)])
+            return self.function_of_state("way", [found, _flat(slope)])
 
         return self._compiled("way", build, seldom=True)
 
@@ -340,7 +340,7 @@ class System:
 
             a = self.assembly
             energy = casadi.vertcat(a.kinetic, a.potential)
-            return self._state_function(
+            return self.function_of_state(
                 "observation", [a.acceleration, energy, a.actuator, a.passive, *a.outputs.values()]
             )
 
@@ -350,12 +350,12 @@ class System:
     def observe(self) -> Compiled:
         """(t, x, u, p) -> the quantities whose extremes an ensemble of runs finds (observed_quantities.py)."""
 
-        return self._compiled("observe", lambda: self._state_function("observe", [self._observed(plain=False)]))
+        return self._compiled("observe", lambda: self.function_of_state("observe", [self._observed(plain=False)]))
 
     @cached_property
     def plain_observe(self) -> Compiled:
         """The same by the plain solution of the constraints, for states where the guard of `rhs` is positive."""
-        return self._compiled("plain observe", lambda: self._state_function("observe", [self._observed(plain=True)]))
+        return self._compiled("plain observe", lambda: self.function_of_state("observe", [self._observed(plain=True)]))
 
     def _observed(self, *, plain: bool) -> casadi.SX:
         return observed_quantities(self._scene, self.assembly, self.multiplier_names, plain=plain)
@@ -374,15 +374,16 @@ class System:
         """
 
         def build() -> casadi.Function:
-            return self._state_function("residual", [self.assembly.residual, self.assembly.bias])
+            return self.function_of_state("residual", [self.assembly.residual, self.assembly.bias])
 
         return self._compiled("residual", build, seldom=True)
 
     def frame(self, name: str) -> Compiled:
         """(t, x, u, p) -> a frame's position 3, rotation 9 (row major), linear and angular velocity, world axes."""
-        return self._compiled(f"frame {name}", lambda: self._state_function("frame", [self.assembly.frame(name)]))
+        return self._compiled(f"frame {name}", lambda: self.function_of_state("frame", [self.assembly.frame(name)]))
 
-    def _state_function(self, name: str, outputs: list[casadi.SX]) -> casadi.Function:
+    def function_of_state(self, name: str, outputs: list[casadi.SX]) -> casadi.Function:
+        """(t, x, u, p) -> expressions of the assembly."""
         import casadi
 
         a = self.assembly

@@ -59,7 +59,7 @@ def design_parameters(scene: Scene, own: Array, threads: int = 1) -> DesignParam
         parts = [own, np.full((count, 1), REGULARISATION)] if scene.constraints else [own]
         constrained = Constrained(np.hstack(parts), rows.unit[None], np.array([rows.length]))
         return DesignParameters(constrained, np.full(count, not rows.massless))
-    sizes, alike = row_sizes(_row_sampling(scene), np.ascontiguousarray(own), threads)
+    sizes, alike = row_sizes(row_sampling(scene), np.ascontiguousarray(own), threads)
     if rows.singular:
         alike[:] = False
     for design in np.flatnonzero(~alike).tolist():
@@ -163,7 +163,8 @@ class RowSampling:
 
 
 @computed_once
-def _row_sampling(scene: Scene) -> RowSampling:
+def row_sampling(scene: Scene) -> RowSampling:
+    """How the constraints and the mass matrix of a scene are sampled."""
     sampler, robot = sampler_of(scene), scene.robot
     moves, times, signals = sampler.drawn(robot, POSTURES)
     far = lengths_in_velocity(robot)

@@ -80,8 +80,9 @@ def replay(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
-        live: Whether the page of a sizing computes: its reader changes payloads, speeds, ratios and friction, and sees
-            torques, margins and the verdict. Default: where the page can, and grows by less than 400 kB.
+        live: Whether the page computes: the reader of a sizing changes payloads, speeds, ratios and friction, and sees
+            torques, margins and the verdict; that of a run changes parameters and the start, and sees the run anew.
+            Default: where the page can, and grows by less than 400 kB.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -204,7 +205,7 @@ def film_of(
             if robot is None:
                 raise InputError(f"motion '{source.name}': a motion does not hold its robot; pass robot=ROBOT, too")
             return film_of_motion(source, robot, **options)
-        return film_of_run(source, **options)
+        return film_of_run(source, **options, live=live)
 
 
 def find_run(path: str | Path) -> Path:

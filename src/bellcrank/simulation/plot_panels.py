@@ -61,7 +61,7 @@ def run_panels(run: Trajectory) -> list[Panel]:
     only. Of a run of more than LONG rows only the extremes are drawn.
     """
     few = extremes(run, _everything)
-    panels = _linear(few)
+    panels = linear_panels(few)
     shown = [k == 0 or _shown(panel) for k, panel in enumerate(panels)]
     if few is run:
         time, table, off = _refined(run, panels)
@@ -80,7 +80,7 @@ def run_panels(run: Trajectory) -> list[Panel]:
     first_output = next((k for k, panel in enumerate(panels) if panel.title.startswith(OUTPUTS)), len(panels))
     found = [panel for panel, there in zip(panels, shown, strict=True) if there]
     place = sum(shown[:first_output])
-    return titled_apart([*found[:place], *_residual_panels(few, few is not run), *found[place:]])
+    return titled_apart([*found[:place], *residual_panels(few, few is not run), *found[place:]])
 
 
 def extremes(run: Trajectory, table: Callable[[Trajectory], Array]) -> Trajectory:
@@ -99,7 +99,7 @@ def extremes(run: Trajectory, table: Callable[[Trajectory], Array]) -> Trajector
 
 
 def _everything(run: Trajectory) -> Array:
-    return np.column_stack([_table(_linear(run)), *run.constraint_residuals.values()])
+    return np.column_stack([_table(linear_panels(run)), *run.constraint_residuals.values()])
 
 
 def _shown(panel: Panel) -> bool:
@@ -108,7 +108,7 @@ def _shown(panel: Panel) -> bool:
     return panel.moves or not panel.title.startswith(("position", "orientation", "velocity"))
 
 
-def _linear(run: Trajectory) -> list[Panel]:
+def linear_panels(run: Trajectory) -> list[Panel]:
     """All panels with linear axes, over the rows, also those that do not change."""
     joints = run.robot.joints
     one = [joint for joint in joints if joint.nv == 1]
@@ -145,7 +145,7 @@ def _refined(run: Trajectory, panels: Sequence[Panel]) -> tuple[Array, Array, Ar
         return run.time, table, np.zeros(table.shape[1])
     head = run if rows == len(run) else replace(run, time=run.time[:rows], state=run.state[:rows])
     jumps = with_jumps(head)
-    here = table[:rows] if len(jumps) == rows else _table(_linear(jumps))
+    here = table[:rows] if len(jumps) == rows else _table(linear_panels(jumps))
     ends = np.cumsum(lines)
     reach = np.concatenate([ranges(here[:, b - n : b]) for b, n in zip(ends, lines, strict=True)])
     units = np.repeat([panel.unit for panel in panels], [len(panel.lines) for panel in panels])
@@ -155,7 +155,7 @@ def _refined(run: Trajectory, panels: Sequence[Panel]) -> tuple[Array, Array, Ar
     curved = (bound > least) & _better_curved(jumps, here, bound)
     at = between(jumps)
     time, here, left = refined(
-        jumps.time, here, lambda times: _table(_linear(at(times))), np.where(curved, bound, np.inf)
+        jumps.time, here, lambda times: _table(linear_panels(at(times))), np.where(curved, bound, np.inf)
     )
     known = np.isin(time, jumps.time)
     for k in np.flatnonzero(~curved):
@@ -209,7 +209,7 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
     some = np.setdiff1d(rows, k)
     there = replace(run, time=run.time[some], state=run.state[some])
     with np.errstate(all="ignore"):
-        curved = np.abs(_table(_linear(between(there)(run.time[k]))) - table[k])
+        curved = np.abs(_table(linear_panels(between(there)(run.time[k]))) - table[k])
         share = ((run.time[k] - run.time[k - 1]) / (run.time[k + 1] - run.time[k - 1]))[:, None]
         straight = np.abs(table[k - 1] + share * (table[k + 1] - table[k - 1]) - table[k])
     missed = straight > bound
@@ -220,7 +220,7 @@ def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bo
     return np.asarray(better.sum(axis=0) >= 0.5 * missed.sum(axis=0), dtype=np.bool_)
 
 
-def _residual_panels(run: Trajectory, extremes: bool) -> list[Panel]:
+def residual_panels(run: Trajectory, extremes: bool) -> list[Panel]:
     """Constraint residuals, one panel a unit."""
     panels = []
     for unit, values in run.constraint_residuals.items():
@@ -231,5 +231,5 @@ def _residual_panels(run: Trajectory, extremes: bool) -> list[Panel]:
 
 
 def _output_columns(run: Trajectory, name: str) -> list[tuple[str, str, Array]]:
-    values = run.output(name).reshape(len(run), -1)
+    values = run.output(name).reshape(len(run.time), -1)
     return [(label, unit, column) for (label, unit), column in zip(output_labels(run, name), values.T, strict=True)]

@@ -6,7 +6,7 @@ states when they are first asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings
 
 Array = NDArray[np.float64]
+UNITS = {"[N]": "m", "[N m]": "rad"}  # of a residual, by the unit of its multiplier
 # Rows of a block: about BLOCK_NUMBERS numbers of the state, a multiple of LEAST_ROWS and so of the SIMD lanes, so that
 # every row has the same bits as if all rows were computed at once.
 BLOCK_NUMBERS, LEAST_ROWS, MOST_ROWS = 500_000, 1024, 65_536
@@ -251,15 +252,11 @@ class StateHistory(Portable):
     @property
     def constraint_residuals(self) -> dict[str, Array]:
         """Largest residual (n,) of all constraints, by unit: "m", "rad", "m/s", "rad/s"; "" for other units."""
-        units = {"[N]": "m", "[N m]": "rad"}
-        found: dict[str, Array] = {}
         positions = self._position_residuals
         velocities = np.abs(self._constraint[2]) if self.scene.constraints else positions
-        for per, table in (("", positions), ("/s", velocities)):
-            for (_, label), column in zip(self.multiplier_names, table.T, strict=False):
-                own = next((unit for end, unit in units.items() if label.endswith(end)), "")
-                unit = own and own + per
-                found[unit] = np.maximum(found.get(unit, 0.0), column)
+        found: dict[str, Array] = {}
+        for unit, speed, k in residual_columns(self.multiplier_names, positions.shape[1], velocities.shape[1]):
+            found[unit] = np.maximum(found.get(unit, 0.0), (velocities if speed else positions)[:, k])
         return found
 
     @property
@@ -394,3 +391,13 @@ class StateHistory(Portable):
     def _largest(self, measures: Callable[[Self], list[Any]]) -> list[float]:
         """The largest of each of some measures of a block, over the blocks; NaN where one is."""
         return [float(np.max(each)) for each in zip(*map(measures, self.parts()), strict=True)]
+
+
+def residual_columns(
+    names: Sequence[tuple[str, str]], positions: int, velocities: int
+) -> Iterator[tuple[str, bool, int]]:
+    """(unit, whether it is a velocity, its number) of each residual; `names` are those of the multipliers."""
+    for speed, count in ((False, positions), (True, velocities)):
+        for k, (_, label) in enumerate(names[:count]):
+            own = next((unit for end, unit in UNITS.items() if label.endswith(end)), "")
+            yield own and own + "/s" * speed, speed, k

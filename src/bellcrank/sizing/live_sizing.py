@@ -32,6 +32,7 @@ from bellcrank.elements.parameters import Parameter
 from bellcrank.elements.symbols import Symbols
 from bellcrank.motion.hermite import quintic_polynomial
 from bellcrank.robot.traced_tree import ORIGIN, setting
+from bellcrank.simulation.live_settings import Setting, slider_end
 from bellcrank.sizing.live_criteria import LiveDrive, Sample
 from bellcrank.sizing.one_sided import ONE_SIDE, STILL
 from bellcrank.sizing.selection.criteria import TOLERANCE
@@ -49,33 +50,6 @@ FIGURES = ("peak torque", "RMS torque", "peak speed", "peak motor torque", "RMS 
 EFFORT, VELOCITY = "URDF effort limit", "URDF velocity limit"
 REACH = 0.3  # m: how far a slider moves the centre of a payload
 FRICTION = 0.3  # of the peak torque: the most friction of a slider
-
-
-@dataclass(frozen=True, kw_only=True)
-class Setting:
-    """A number that the reader can change.
-
-    Attributes:
-        group: Under which heading it stands.
-        name: Its name there.
-        unit: Its unit; empty for a factor.
-        value: The value of the sizing.
-        range: The ends of its slider.
-        least: The least value that is accepted, or is not, if `above`.
-        above: Whether the least value itself is refused.
-        path: The path of the override that changes it; empty where there is none.
-        entry: Its place in the list that the path names, or its key in the mapping; empty for a number of its own.
-    """
-
-    group: str
-    name: str
-    unit: str
-    value: float
-    range: tuple[float, float]
-    least: float = 0.0
-    above: bool = False
-    path: str = ""
-    entry: str = ""
 
 
 class Use(NamedTuple):
@@ -250,7 +224,7 @@ class _Settings:
                     name="mass",
                     unit="kg",
                     value=payload.mass,
-                    range=(0.0, _nice(3.0 * payload.mass)),
+                    range=(0.0, slider_end(3.0 * payload.mass)),
                     above=True,
                     path=path and f"{path}.mass",
                 ),
@@ -324,7 +298,7 @@ class _Settings:
                         name=one.name,
                         unit=units[one.kind == "prismatic"],
                         value=value,
-                        range=(0.0, _nice(max(most, 3.0 * value))),
+                        range=(0.0, slider_end(max(most, 3.0 * value))),
                         path="" if config is None else "friction",
                         entry=f"{one.name}/{kind}",
                     ),
@@ -362,12 +336,6 @@ class _Settings:
         """The symbol of a setting; a number where there is none."""
         place = self._places.get((kind, name))
         return otherwise if place is None else p[place]
-
-
-def _nice(value: float) -> float:
-    """The least of 1, 2 and 5 times a power of ten that is not below a value."""
-    power = 10.0 ** math.floor(math.log10(value)) if value > 0.0 else 1.0
-    return next(power * step for step in (1.0, 2.0, 5.0, 10.0) if power * step >= value)
 
 
 def _of_ratings(actuator: Actuator) -> bool:

@@ -23,6 +23,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "problem.hpp"
+#include "stops.hpp"
 
 namespace bellcrank {
 
@@ -99,19 +100,6 @@ inline std::vector<double> all_jumps(const Vector& stops, const std::vector<Sign
     if (s.kinked) found.insert(found.end(), s.breaks, s.breaks + s.pieces + 1);
   std::sort(found.begin(), found.end());
   return found;
-}
-
-// The jumps inside a run; those closer than rounding are one. `latest` becomes the time just before the first that is t1
-// itself, to rounding, so that the last step sees the side before it.
-inline std::vector<double> stops_within(const std::vector<double>& jumps, double t0, double t1, double* latest) {
-  std::vector<double> kept;
-  const double least = 1e-14 * std::max(std::fabs(t0), std::fabs(t1));
-  *latest = HUGE_VAL;
-  for (double t : jumps) {
-    if (std::fabs(t - t1) <= least) *latest = std::min(*latest, std::nextafter(std::min(t, t1), t0));
-    if (t > t0 + least && t < t1 - least && (kept.empty() || t > kept.back() + least)) kept.push_back(t);
-  }
-  return kept;
 }
 
 // What the record refers to is kept alive here, and `plain` points to it for the engine.

@@ -12,6 +12,14 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
+[[noreturn]] inline void out_of_memory() {
+#ifdef __cpp_exceptions
+  throw std::bad_alloc();
+#else
+  __builtin_trap();  // in a page
+#endif
+}
+
 // Zeroed memory, aligned and padded for SIMD. Small arrays lie within the object itself, because a short run takes only as
 // long as a few calls of the allocator.
 template <class T>
@@ -20,7 +28,7 @@ class Array {
   explicit Array(std::size_t size) {
     const std::size_t bytes = (size * sizeof(T) / 64 + 1) * 64;
     data_ = reinterpret_cast<T*>(bytes <= sizeof own_ ? own_ : std::aligned_alloc(64, bytes));
-    if (!data_) throw std::bad_alloc();
+    if (!data_) out_of_memory();
     std::memset(static_cast<void*>(data_), 0, bytes);
   }
   ~Array() {
@@ -49,7 +57,7 @@ class Growing {
     if (size <= room_) return;
     const std::size_t room = size > 2 * room_ ? size + 16 : 2 * room_;
     void* data = std::realloc(data_, room * sizeof(T));
-    if (!data) throw std::bad_alloc();
+    if (!data) out_of_memory();
     data_ = static_cast<T*>(data), room_ = room;
   }
   operator T*() { return data_; }

@@ -116,6 +116,9 @@ class StartSearch {
     return {};
   }
 
+  // Rotates the parts of a velocity (nv) that are given along the parents' axes into the bodies' axes at q.
+  void velocity_in_body(const double* q, double* v) const { rotate(q, false, v, true); }
+
  private:
   static constexpr double CLOSED = 1e-13;   // rad, or of the characteristic length: the search ends below it
   static constexpr double ROUNDED = 1e-6;   // the residual that rounded digits of held values may leave; then all move

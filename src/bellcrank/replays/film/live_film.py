@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,6 +21,7 @@ from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import verdict
 
 Array = NDArray[np.float64]
+MOST_BYTES = 400_000  # that computing adds to a page without being asked for
 NOT_RECOMPUTED = (
     "holding torques", "bearing forces and tilting moments", "temperatures of motors", "powers and energies",
     "whether the rows of a motion determine its peaks", "notes and warnings",
@@ -28,10 +30,11 @@ NOT_RECOMPUTED = (
 
 @dataclass(frozen=True, kw_only=True)
 class LiveFilm:
-    """A sizing that a page computes.
+    """A sizing, or a run, that a page computes.
 
     Attributes:
         content: What is written as JSON.
+        engine: The size, deflated, of the integrator that the page adds; 0 where it needs none.
         blocks: The two modules, then the 64-bit numbers of all motions in planes of bytes: times and lengths of the
             quintics, states at their begin and end column after column, cuts into pieces, signs of speeds in them,
             states at rest.
@@ -39,6 +42,25 @@ class LiveFilm:
 
     content: dict[str, Any]
     blocks: tuple[bytes, ...]
+    engine: int = 0
+
+
+def settled(
+    what: str, wanted: bool | None, make: Callable[[], LiveFilm | str]
+) -> tuple[LiveFilm | None, tuple[str, ...]]:
+    """What the page of a sizing or run computes, and notes where it could be expected to compute and does not.
+
+    `wanted` None: where it adds less than MOST_BYTES.
+    """
+    if wanted is False:
+        return None, ()
+    found = make()
+    if isinstance(found, str):
+        return None, (f"this page replays the {what} and does not compute it again: {found}",)
+    size = (len(zlib.compress(b"".join(found.blocks))) + found.engine) * 4 // 3
+    if wanted is None and size > MOST_BYTES:
+        return None, (f"this page replays the {what} and does not compute it again, which takes {size / 1e6:.1f} MB",)
+    return found, ()
 
 
 def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
@@ -54,7 +76,8 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
         for one in pieces
     ]
     content = {
-        "settings": [_finite(asdict(one)) for one in live.settings],
+        "kind": "sizing",
+        "settings": [finite(asdict(one)) for one in live.settings],
         "sizes": live.sizes,
         "modules": [len(live.sample), len(live.verdict)],
         "motions": [_motion(motion, starts[k], live.speeds[k], pieces[k]) for k, motion in enumerate(motions)],
@@ -68,7 +91,7 @@ def live_film(sizing: Sizing, starts: Sequence[float]) -> LiveFilm | str:
         "not_recomputed": NOT_RECOMPUTED,
         "command": _command(sizing),
     }
-    return LiveFilm(content=content, blocks=(live.sample, live.verdict, _planes(np.concatenate(numbers))))
+    return LiveFilm(content=content, blocks=(live.sample, live.verdict, byte_planes(np.concatenate(numbers))))
 
 
 def _unjudged(sizing: Sizing) -> list[str]:
@@ -87,12 +110,13 @@ def _columns(states: Array) -> Array:
     return np.ascontiguousarray(states.reshape(len(states), -1).T)
 
 
-def _planes(numbers: Array) -> bytes:
+def byte_planes(numbers: Array) -> bytes:
     """The first bytes of all numbers, then the second ones, …: exponents change little."""
     return np.ascontiguousarray(numbers.view(np.uint8).reshape(-1, 8).T).tobytes()
 
 
-def _finite(setting: dict[str, Any]) -> dict[str, Any]:
+def finite(setting: dict[str, Any]) -> dict[str, Any]:
+    """A setting for JSON."""
     return {key: None if value == -math.inf else value for key, value in setting.items()}
 
 
@@ -162,16 +186,14 @@ def _command(sizing: Sizing) -> dict[str, Any] | None:
     extra = sizing.inputs.mechanism.robot.payloads[len(config.payloads) :]
     if any(any((*one.cg, *one.inertia)) for one in extra) or not set(sizing.motions) <= set(config.motions):
         return None
-    options = [f"{one.mass!r}@{one.frame}" for one in extra]
-    return {
-        "robot": _name(config),
-        "motions": [] if list(sizing.motions) == list(config.motions) else list(sizing.motions),
-        "payloads": options,
-        "overrides": [[path, value] for path, value in config.overrides.items()],
-    }
+    words = ["bellcrank", "size", name_of(config)]
+    if list(sizing.motions) != list(config.motions):
+        words += [word for name in sizing.motions for word in ("--motion", name)]
+    words += [word for one in extra for word in ("--payload", f"{one.mass!r}@{one.frame}")]
+    return {"words": words, "overrides": [[path, value] for path, value in config.overrides.items()]}
 
 
-def _name(config: RobotConfig) -> str:
+def name_of(config: RobotConfig) -> str:
     """The name under which a configuration is found: its own where it is bundled, else that of its file."""
     bundled = config.source.parent.resolve() == bundled_data.folder("robots").resolve()
     return config.source.stem if bundled else config.source.name

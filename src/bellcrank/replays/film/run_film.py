@@ -30,6 +30,8 @@ from bellcrank.replays.film.camera import choose_camera, choose_ground
 from bellcrank.replays.film.charts import run_charts
 from bellcrank.replays.film.film import Arrow, Film, TimelineEvent
 from bellcrank.replays.film.film_samples import FramePose, PointFunction, sample_frames
+from bellcrank.replays.film.live_film import settled
+from bellcrank.replays.film.live_run_film import live_run_film
 from bellcrank.replays.film.robot_view import (
     camera_scene,
     film_axes,
@@ -72,8 +74,9 @@ def film_of_run(
     detail: Detail = "reduced",
     title: str | None = None,
     progress: Callable[[float], None] | None = None,
+    live: bool | None = False,
 ) -> Film:
-    """The film of a run.
+    """The film of a run; with `live` the page computes it again, None: where it can, and adds less than 400 kB by that.
 
     Traces are drawn of the frames in `trace`, else of the frames of the scene's outputs, else of the robot's tip; and
     of rolling contacts. Raises InputError for an unknown frame, for a run whose first state is not finite, and for
@@ -111,7 +114,7 @@ def film_of_run(
     ends = [*(spring.ends for spring in springs), *(rod.ends for rod in rods)]
     view = camera_scene(sampled, sampled.arrows, [each.reshape(-1, 3) for each in ends])
     planes = [(np.array(disk.normal), run_frames.number(disk, "height")) for disk in disks]
-    return Film(
+    film = Film(
         title=title or scene.name,
         time=sampled.time,
         poses=sampled.poses,
@@ -130,6 +133,8 @@ def film_of_run(
         success=run.success and not run.non_finite and not run.not_known,
         notes=(*body_notes, *notes),
     )
+    computed, why = settled("run", live, lambda: live_run_film(run, film))
+    return replace(film, notes=(*film.notes, *why), live=computed)
 
 
 def run_trajectory(run: Trajectory, rows: int, frames: tuple[str, ...]) -> SampledTrajectory:

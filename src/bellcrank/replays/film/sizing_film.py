@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError
 from bellcrank.replays.film.film import Film, TimelineEvent
-from bellcrank.replays.film.live_film import LiveFilm, live_film
+from bellcrank.replays.film.live_film import live_film, settled
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.sizing.drive_verdicts import kept
 from bellcrank.sizing.tables import verdict
-
-MOST_BYTES = 400_000  # that computing adds to a page without being asked for
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing, Peak
@@ -34,7 +31,7 @@ def film_of_sizing(
 ) -> Film:
     """The film of a sizing: its motions in sequence, torques, torque-speed plots, and events at exceeded limits.
 
-    With `live` the page computes the sizing again; None: where it can, and adds less than MOST_BYTES by that. Raises
+    With `live` the page computes the sizing again; None: where it can, and adds less than 400 kB by that. Raises
     InputError for an unknown frame, and for a sizing without its motions.
     """
     if sizing.inputs is None:
@@ -48,7 +45,7 @@ def film_of_sizing(
         facts.append(("robot", sizing.robot))
     stated = {text for _, text in facts}
     film = film_of_motions(sequence, name, trace, detail, progress)
-    computed, why = _live(sizing, sequence.starts, live)
+    computed, why = settled("sizing", live, lambda: live_film(sizing, sequence.starts))
     return replace(
         film,
         events=tuple(sorted([*film.events, *_limit_events(sizing, sequence)], key=lambda event: event.time)),
@@ -58,19 +55,6 @@ def film_of_sizing(
         notes=(*film.notes, *(text for text in sizing.warnings if text not in stated), *why),
         live=computed,
     )
-
-
-def _live(sizing: Sizing, starts: Sequence[float], wanted: bool | None) -> tuple[LiveFilm | None, tuple[str, ...]]:
-    """What the page computes, and notes where it could be expected to compute and does not."""
-    if wanted is False:
-        return None, ()
-    found = live_film(sizing, starts)
-    if isinstance(found, str):
-        return None, (f"this page replays the sizing and does not compute it again: {found}",)
-    size = len(zlib.compress(b"".join(found.blocks))) * 4 // 3
-    if wanted is None and size > MOST_BYTES:
-        return None, (f"this page replays the sizing and does not compute it again, which takes {size / 1e6:.1f} MB",)
-    return found, ()
 
 
 def sizing_facts(sizing: Sizing) -> list[tuple[str, str]]:

@@ -24,8 +24,14 @@ SCRIPTS = (  # in the order in which they stand in the page
     "decode.js", "formatting.js", "lines.js", "geometries.js", "arrows.js", "animation.js", "camera_follow.js",
     "view.js", "player.js", "chart_scales.js", "charts.js", "xy_plots.js", "main.js", "report.js",
 )  # fmt: skip
-LIVE_SCRIPTS = ("live_functions.js", "live_motion.js", "live_state.js", "live_panel.js", "live_page.js")
+_STATE = ("live_state.js", "live_text.js", "live_panel.js")
+LIVE_SCRIPTS = {  # of pages that compute
+    "": (),
+    "sizing": (*_STATE, "live_functions.js", "live_motion.js", "live_verdict.js", "live_sizing.js", "live_page.js"),
+    "run": (*_STATE, "live_worker.js", "live_run.js", "live_run_film.js", "live_page.js"),
+}
 LIVE_POLICY = " 'wasm-unsafe-eval'"  # WebAssembly may be compiled; no text becomes a script
+WORKER_POLICY = "worker-src blob:; "  # a script of the page may run beside it
 _PLACEHOLDER = re.compile(r"\{\{(\w+)\}\}")
 
 
@@ -66,13 +72,14 @@ def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING)
     """
     film_json, arrays = encode_film(film, plots=plots)
     live = film.live if plots else None
-    library, hashes = _library(plots, live is not None, around.scripts)
+    kind = "" if live is None else live.content["kind"]
+    library, hashes = _library(plots, kind, around.scripts)
     report = bool(around.before or around.after)
     loader = _asset("loader.js")
     scripts = " ".join(f"'sha256-{each}'" for each in (*hashes, _hash(loader)))
     policy = (
         f"default-src 'none'; script-src {scripts}{LIVE_POLICY if live else ''}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+        f"img-src data: blob:; {WORKER_POLICY if kind == 'run' else ''}base-uri 'none'; form-action 'none'"
     )
     parts = {
         "policy": policy,
@@ -86,7 +93,7 @@ def page_html(film: Film, *, plots: bool = True, around: Surroundings = NOTHING)
         "film": film_json,
         "arrays": arrays,
         "library": library,
-        "live": "" if live is None else deflate_base64(b"".join(live.blocks)),
+        "live": "" if live is None else deflate_base64(b"".join((*live.blocks, *_engine(kind)))),
         "script": loader,
         "kind": "report" if report else "",
         "before": around.before,
@@ -119,7 +126,7 @@ def write_page(film: Film, path: str | Path, *, plots: bool = True, around: Surr
 
 
 @functools.cache
-def _library(plots: bool, live: bool, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+def _library(plots: bool, live: str, more: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
     """All scripts but the loader, and their licences, as one deflated text; and the scripts' hashes for the policy.
 
     The page adds the scripts to itself unchanged, so that the hashes allow them; deflated they are a third as large.
@@ -131,7 +138,7 @@ def _library(plots: bool, live: bool, more: tuple[str, ...]) -> tuple[str, tuple
         licences.append(("uPlot 1.6.32", _asset("uplot/LICENSE")))
     scripts.append(
         '"use strict";(() => {'
-        + "".join((*map(_asset, (*SCRIPTS[:-2], *(LIVE_SCRIPTS if live else ()), *SCRIPTS[-2:])), "{\n", *more, "}\n"))
+        + "".join((*map(_asset, (*SCRIPTS[:-2], *LIVE_SCRIPTS[live], *SCRIPTS[-2:])), "{\n", *more, "}\n"))
         + "})();"
     )
     text = "\n\n".join(f"==== {name}\n\n{licence.strip()}" for name, licence in licences)
@@ -146,6 +153,11 @@ def _meshcat_licences() -> Iterator[tuple[str, str]]:
         title = ", ".join(library[key] for key in ("name", "version", "license", "author", "repository"))
         yield title, library.get("licenseText") or _asset(f"meshcat/{library['name']}.LICENSE.txt")
     yield "notices in meshcat's viewer", _asset("meshcat/main.min.js.LICENSE.txt")
+
+
+def _engine(kind: str) -> tuple[bytes, ...]:
+    """The integrator, for the page of a run (docs/tools/page_engine.py)."""
+    return ((ASSETS / "page_engine.wasm").read_bytes(),) if kind == "run" else ()
 
 
 @functools.cache

@@ -178,8 +178,10 @@ function makeChart(panel, before, chart, shared) {
   }, { passive: false });
   plot.over.addEventListener("dblclick", () => shared.zoomTo(range));
 
+  let ghosts = 0;  // how many lines of another run there are
   const outputs = lines.map((line) => legendEntry(line, (on) => {
     plot.setSeries(line.k + 1, { show: on });
+    if (ghosts) plot.setSeries(ghosts + line.k + 1, { show: on });
     showValues(shared);
   }));
   box.append(collapsedLegend(outputs.map(({ button }) => button)));
@@ -187,11 +189,16 @@ function makeChart(panel, before, chart, shared) {
     plot,
     chart,
     box,
-    /** Other times, and other values of each line there. */
-    replace(time, columns) {
+    /** Other times, and other values of each line there; with those of another run, drawn dashed. */
+    replace(time, columns, others = null) {
+      const fit = (values) => (chart.logarithmic ? raiseToFloor(values, positive) : withGaps(values));
       chart.time = time;
-      lines.forEach((line, k) => Object.assign(line, { time, samples: columns[k], raw: columns[k], values: withGaps(columns[k]) }));
-      plot.setData([time, ...lines.map(({ values }) => values)], false);
+      lines.forEach((line, k) => Object.assign(line, { time, samples: columns[k], raw: columns[k], values: fit(columns[k]) }));
+      if (others && !ghosts) {
+        ghosts = lines.length;
+        for (const { k, on } of lines) plot.addSeries({ show: on, stroke: () => paletteColour(k), alpha: 0.45, width: 1.2, dash: [2, 3], points: { show: false }, spanGaps: false, pxAlign: 0, paths: straightPath });
+      }
+      plot.setData([time, ...lines.map(({ values }) => values), ...lines.slice(0, ghosts).map((_, k) => (others ? fit(others[k]) : Array(time.length).fill(null)))], false);
     },
     resize: () => plot.setSize({ width: widthOf(panel), height: HEIGHT }),
     recolour: () => {

@@ -65,11 +65,3 @@ async function loadFunctions(live) {
     atRest: (motion, k, factor) => evaluateAt(motion.still + width * k, motion.still + width * k, 0, 1, places.still, factor),
   };
 }
-
-/** 64-bit numbers whose bytes stand apart: all first bytes, then all second ones, … */
-function decodePlanes(bytes) {
-  const count = bytes.length / 8;
-  const found = new Uint8Array(bytes.length);
-  for (let k = 0; k < 8; k++) for (let i = 0; i < count; i++) found[8 * i + k] = bytes[count * k + i];
-  return new Float64Array(found.buffer);
-}

@@ -1,0 +1,185 @@
+"""What the page of a run needs to compute it again: functions, settings, places of figures, and rows to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, fields, replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.elements.frame_forces import Spring as FrameSpring
+from bellcrank.elements.joint_forces import JointSpring
+from bellcrank.elements.loop_constraints import WORLD, Distance
+from bellcrank.elements.rolling_constraint import RollingDisk
+from bellcrank.replays.film.arrows import child_link
+from bellcrank.replays.film.film import Film
+from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
+from bellcrank.scene.settings import Settings
+from bellcrank.simulation.live_simulation import live_simulation
+from bellcrank.simulation.plot_panels import linear_panels, residual_panels, shown_unit
+from bellcrank.simulation.state_history import residual_columns
+from bellcrank.simulation.status import Status
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.dynamics.assembly import Assembly
+    from bellcrank.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+ENGINE = 62_000  # bytes of the integrator, deflated
+ROWS = 2000  # of a run that a page computes, at least: two for each pixel of a plot
+COMPARED = 33  # rows that the page compares on opening
+
+
+def live_run_film(run: Trajectory, film: Film) -> LiveFilm | str:
+    """The run for its page, which shows this film; or a clause that says why the page cannot compute it."""
+    places = _Places(run, film)
+    live = live_simulation(run, places.shown)
+    if isinstance(live, str):
+        return live
+    rows = np.unique(np.linspace(0, len(run) - 1, COMPARED).astype(int))
+    numbers = np.concatenate([live.description, run.time[rows], run.state[rows].ravel()])
+    content = {
+        "kind": "run",
+        "settings": [finite(asdict(replace(one, unit=one.unit or "1"))) for one in live.settings],
+        "fixed": live.fixed,
+        "modules": [len(module) for module in live.modules],
+        "numbers": [len(live.description), len(rows)],
+        "size": run.state.shape[1],
+        "shown": live.shown,
+        "duration": run.settings.duration,
+        "samples": max(ROWS, min(len(run), 5 * ROWS)),
+        **places.content,
+        "events": [[rule.name, rule.stop] for rule in run.scene.events],
+        "statuses": [[status, status.success, status.advice] for status in Status],
+        "stored": {
+            "end": float(run.time[-1]),
+            "status": list(Status).index(run.status),
+            "events": [[[rule.name for rule in run.scene.events].index(e.name), e.time] for e in run.events],
+        },
+        "gains": run.settings.stabilisation.kind,
+        "command": _command(run),
+    }
+    return LiveFilm(content=content, blocks=(*live.modules, byte_planes(numbers)), engine=ENGINE)
+
+
+class _Places:
+    """What a page shows of a state: the expressions, and the place of each figure of a film among them.
+
+    The panels of a plot are asked for with places in place of numbers, so that what they show stands in one module.
+    """
+
+    def __init__(self, run: Trajectory, film: Film) -> None:
+        self._run, self._film = run, film
+        self._found: list[casadi.SX] = []
+        self._size = 0
+        self.content: dict[str, Any] = {}
+
+    def shown(self, a: Assembly) -> casadi.SX:
+        """The expressions; T, V and W come first."""
+        import casadi
+
+        film, scene = self._film, self._run.scene
+        work = a.work if a.has_work else casadi.SX(0)
+        energies = [self._add(each)[:, 0] for each in (a.kinetic, a.potential, work, a.kinetic + a.potential)]
+        outputs = {name: self._add(value) for name, value in a.outputs.items()}
+        columns = SimpleNamespace(
+            scene=scene,
+            robot=scene.robot,
+            time=np.zeros(1),
+            position=self._add(a.q),
+            velocity=self._add(a.v),
+            kinetic_energy=energies[0],
+            potential_energy=energies[1],
+            work=energies[2],
+            total_energy=energies[3],
+            torque=self._add(a.actuator + a.passive),
+            multiplier_names=self._run.multiplier_names,
+            multipliers=None if a.solution is None else self._add(a.solution.proximal.multipliers),
+            outputs=outputs,
+            output=outputs.__getitem__,
+            constraint_residuals=dict(self._residuals(a)),
+        )
+        table: Any = columns
+        lines = {
+            (panel.title, shown_unit(panel.unit), name): int(place[0])
+            for panel in (*linear_panels(table), *residual_panels(table, False))
+            for name, place in panel.lines
+        }
+        self.content["charts"] = [
+            [lines.get((chart.title.partition(" (")[0], chart.unit, line.name), -1) for line in chart.lines]
+            for chart in film.charts
+        ]
+        self.content["residuals"] = [[unit, int(place[0])] for unit, place in columns.constraint_residuals.items()]
+        frames = [a.symbols.frame(body.name) for body in film.bodies]
+        self.content["bodies"] = self._places(casadi.vertcat(f.position, casadi.vec(f.rotation.T)) for f in frames)
+        self.content["traces"] = self._places(self._traced(a, trace.name) for trace in film.traces)
+        springs, rods = dict(self._springs(a)), dict(self._rods(a))
+        self.content["springs"] = self._places(springs[spring.name] for spring in film.springs)
+        self.content["rods"] = self._places(rods[rod.name] for rod in film.rods)
+        return casadi.vertcat(*self._found)
+
+    def _add(self, value: casadi.SX) -> NDArray[np.intp]:
+        """The places (1, n) of an expression."""
+        import casadi
+
+        value = casadi.vec(casadi.densify(value))
+        self._found.append(value)
+        self._size += value.numel()
+        return np.arange(self._size - value.numel(), self._size)[None]
+
+    def _places(self, values: Iterator[casadi.SX]) -> list[int]:
+        return [int(self._add(value)[0, 0]) for value in values]
+
+    def _residuals(self, a: Assembly) -> Iterator[tuple[str, Any]]:
+        """The places of the largest residuals by unit."""
+        import casadi
+
+        if a.solution is None:
+            return
+        c, found = a.solution.derivatives, dict[str, casadi.SX]()
+        both = c.position_residual, c.velocity_residual
+        for unit, speed, k in residual_columns(self._run.multiplier_names, both[0].numel(), both[1].numel()):
+            found[unit] = casadi.fmax(found.get(unit, 0.0), casadi.fabs(both[speed][k]))
+        for unit, value in found.items():
+            yield unit, self._add(value)[:, 0]
+
+    def _traced(self, a: Assembly, name: str) -> casadi.SX:
+        disks = {f"{each.name} contact": each for each in self._run.scene.constraints if isinstance(each, RollingDisk)}
+        return disks[name].contact_point(a.symbols) if name in disks else a.symbols.frame(name).position
+
+    def _springs(self, a: Assembly) -> Iterator[tuple[str, casadi.SX]]:
+        """The ends of springs, as `scene_springs` (arrows.py)."""
+        import casadi
+
+        s, robot = a.symbols, self._run.scene.robot
+        for force in self._run.scene.forces:
+            if isinstance(force, FrameSpring):
+                b = force.vector(s, "point") if force.frame_b == WORLD else s.frame(force.frame_b).position
+                yield force.name, casadi.vertcat(s.frame(force.frame_a).position, b)
+            elif isinstance(force, JointSpring) and force.joint.kind == "prismatic":
+                link = s.frame(child_link(robot, force.joint.name))
+                travel = s.q[force.joint.q] * (link.rotation @ casadi.DM(robot.joint_axis(force.joint.name)))
+                yield force.name, casadi.vertcat(link.position - travel, link.position)
+
+    def _rods(self, a: Assembly) -> Iterator[tuple[str, casadi.SX]]:
+        import casadi
+
+        for constraint in self._run.scene.constraints:
+            if isinstance(constraint, Distance):
+                yield constraint.name, casadi.vertcat(*(side.position for side in constraint.sides(a.symbols)))
+
+
+def _command(run: Trajectory) -> dict[str, Any] | None:
+    """How the run is made on the command line; None where it is not."""
+    scene, own, used = run.scene, run.scene.settings, run.settings
+    overrides: list[list[Any]] = [[path, value] for path, value in scene.config.overrides.items()]
+    for one in fields(Settings):
+        value = getattr(used, one.name)
+        if value != getattr(own, one.name):
+            overrides.append([f"simulate.{one.name}", asdict(value) if one.name == "stabilisation" else value])
+    return {"words": ["bellcrank", "simulate", name_of(scene.config)], "overrides": overrides}

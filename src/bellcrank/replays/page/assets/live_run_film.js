@@ -1,0 +1,109 @@
+// ---- the film of a run that the page has computed: poses, traces, charts with the run of the file behind them, events, facts
+
+/** A function that makes everything else on the page follow the state. */
+function makeRunFollower({ film, player, view, set, panel, charts, state }) {
+  const { live } = state;
+  const facts = byId("facts");
+  const original = {
+    motion: { time: film.time, positions: film.positions, quaternions: film.quaternions, traces: film.traces.map(({ segments }) => segments),
+      springs: film.springs.map(({ ends }) => ends), rods: film.rods.map(({ ends }) => ends), stretch: [] },
+    events: [...film.events], range: [...charts.range], facts: [...facts.children], bad: facts.classList.contains("bad"),
+    charts: charts.charts.map(({ chart }) => ({ time: chart.time, columns: chart.lines.map(({ values }) => values) })),
+  };
+  const hidden = [];  // layers of arrows, which are those of the run of the file
+  return () => {
+    const found = state.result;
+    const changed = state.changed.length > 0;
+    document.body.classList.toggle("changed", changed);
+    film.events.splice(0, film.events.length, ...(changed ? eventsOf(live, found) : original.events));
+    const motion = changed ? motionOf(live, found) : original.motion;
+    showArrows(changed);
+    if (view) view.showMotion(motion); else Object.assign(film, { time: motion.time });
+    charts.range.splice(0, 2, original.range[0], changed ? Math.max(original.range[1], found.end) : original.range[1]);
+    charts.charts.forEach((drawn, k) => {
+      const before = original.charts[k];
+      if (!changed) return drawn.replace(before.time, before.columns);
+      const columns = live.charts[k].map((place) => shownColumn(found, live.shown, place));
+      const both = { lines: [...columns.map((samples) => ({ time: found.time, samples })), ...before.columns.map((samples) => ({ time: before.time, samples }))] };
+      alignTimes(both);
+      const values = both.lines.map((line) => endedAt(line, both.time));
+      return drawn.replace(both.time, values.slice(0, columns.length), values.slice(columns.length));
+    });
+    player.setEnds(film.time[0], film.time.at(-1));
+    charts.showAll();
+    showEvents();
+    view?.refresh();
+    charts.follow();
+    showFacts(changed, found);
+  };
+
+  function showArrows(changed) {
+    if (!view) return;
+    if (changed && !hidden.length) {
+      for (const layer of view.layers) if (layer.group === "Arrows" && layer.on) hidden.push(layer);
+      for (const layer of hidden) set(layer, false);
+    } else if (!changed) {
+      for (const layer of hidden.splice(0)) set(layer, true);
+    }
+  }
+
+  function showEvents() {
+    const section = makeEvents(film, player);
+    const there = panel.querySelector(".events");
+    if (there) there.replaceChildren(...section.children);
+    else if (film.events.length) panel.querySelector(".notes").before(section);
+  }
+
+  function showFacts(changed, found) {
+    if (!changed) {
+      facts.replaceChildren(...original.facts);
+      facts.classList.toggle("bad", original.bad);
+      return;
+    }
+    const pair = ([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value }));
+    const [text, good] = endOf(live, found);
+    const kept = original.facts.filter((each) => ["solver", "bellcrank"].includes(each.firstChild.textContent));
+    facts.replaceChildren(pair(["changed values", text]), ...figuresOf(live, found).map(pair), ...kept);
+    facts.classList.toggle("bad", !good);
+  }
+}
+
+/** The values of a line, which has none after its own end. */
+function endedAt(line, times) {
+  const end = line.time.at(-1);
+  return times.at(-1) <= end ? line.values : line.values.map((value, i) => (times[i] > end ? NaN : value));
+}
+
+const eventsOf = (live, found) => {
+  const events = [...found.eventTime].map((time, k) => {
+    const [name, stops] = live.events[found.eventIndex[k]];
+    return { time, text: stops ? `${name}, which ended the run` : name };
+  });
+  const [text, good] = endOf(live, found);
+  return good ? events : [...events, { time: found.end, text }];
+};
+
+/** What the view needs: poses of the bodies, and points of traces, springs and rods. */
+function motionOf(live, found) {
+  const { rows, shown, time } = found;
+  const { bodies, shown: width } = live;
+  const positions = new Float32Array(3 * rows * bodies.length);
+  const quaternions = new Float32Array(4 * rows * bodies.length);
+  const { Matrix4, Quaternion } = MeshCat.THREE;
+  const [matrix, quaternion] = [new Matrix4(), new Quaternion()];
+  for (let i = 0; i < rows; i++) {
+    bodies.forEach((place, k) => {
+      const at = width * i + place;
+      const [x, y, z, a, b, c, d, e, f, g, h, j] = shown.subarray(at, at + 12);
+      positions.set([x, y, z], 3 * (i * bodies.length + k));
+      quaternion.setFromRotationMatrix(matrix.set(a, b, c, 0, d, e, f, 0, g, h, j, 0, 0, 0, 0, 1)).toArray(quaternions, 4 * (i * bodies.length + k));
+    });
+  }
+  const points = (place, count) => {
+    const made = new Float32Array(count * rows);
+    for (let i = 0; i < rows; i++) made.set(shown.subarray(width * i + place, width * i + place + count), count * i);
+    return made;
+  };
+  return { time, positions, quaternions, traces: live.traces.map((place) => [{ time, points: points(place, 3) }]),
+    springs: live.springs.map((place) => points(place, 6)), rods: live.rods.map((place) => points(place, 6)), stretch: [] };
+}
