@@ -212,15 +212,15 @@ def add_page(parser: argparse.ArgumentParser, page: str, default: str, older: st
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
-    """Whether the page of a sizing computes."""
+    """Whether the page computes."""
     computes = parser.add_mutually_exclusive_group()
     computes.add_argument(
         "--live",
         action="store_const",
         const=True,
         dest="live",
-        help="the page of a sizing computes: change payload, speed, ratio and friction in it (default: where it adds "
-        "less than 400 kB)",
+        help="the page computes: change payload, speed, ratio and friction of a sizing, parameters and start of a run "
+        "(default: where it adds less than 400 kB)",
     )
     computes.add_argument("--static", action="store_const", const=False, dest="live", help="the page only replays")
 

@@ -58,8 +58,8 @@ def report(
         trace: Names of frames whose paths are drawn. Default: the frames of the scene's outputs, or the tip.
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page. Default: the name of the scene, sizing or selection.
-        live: Whether the page of a sizing computes, as `replay` has it. Verdict, tables and pictures of the report stay
-            those of the sizing, and the page says so while values are changed. Default: where it adds less than 400 kB.
+        live: Whether the page computes, as `replay` has it. Verdict, tables and pictures of the report stay those of
+            the sizing or run, and the page says so while values are changed. Default: where it adds less than 400 kB.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +15,11 @@ from bellcrank.replays.geometry.link_layout import LinkLayout
 from bellcrank.replays.geometry.shapes import Body
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.codegen.compile import Compiled
     from bellcrank.elements.parameters import Parameter
+    from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -55,6 +58,20 @@ class LinkStretch:
             if np.isfinite(change).all() and np.abs(change).max() > NEGLIGIBLE * np.abs(nominal).max():
                 found[self.rows[name]] += change @ pseudo_inverse(nominal, "points on a link are", NEGLIGIBLE)
         return found
+
+    def expressions(self, symbols: Symbols) -> Iterator[tuple[int, casadi.SX]]:
+        """(number of the body, its map (3, 3)) as an expression of the parameters, of those that depend on them."""
+        import casadi
+
+        frames = symbols.frames_at(self.frames, casadi.SX(casadi.DM(self.neutral[0])))
+        for body, ends in self.ends:
+            if not ends:
+                continue
+            here, nominal = frames[body], self.nominal[body]
+            points = casadi.horzcat(*(here.rotation.T @ (frames[name].position - here.position) for name in ends))
+            if casadi.depends_on(casadi.vec(points), symbols.p) and np.abs(nominal).max() > 0.0:
+                back = pseudo_inverse(nominal, "points on a link are", NEGLIGIBLE)
+                yield self.rows[body], casadi.SX.eye(3) + (points - casadi.DM(nominal)) @ casadi.DM(back)
 
     def _points(self, pose_function: Compiled, parameters: Array) -> dict[str, Array]:
         """The points (3, m) of each body in its frame."""

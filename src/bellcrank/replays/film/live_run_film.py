@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.elements.frame_forces import Spring as FrameSpring
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.elements.loop_constraints import WORLD, Distance
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.film import Film
+from bellcrank.replays.film.link_stretch import LinkStretch
 from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.live_simulation import live_simulation
 from bellcrank.simulation.plot_panels import linear_panels, residual_panels, shown_unit
+from bellcrank.simulation.run_warnings import LARGEST_DRIFT
 from bellcrank.simulation.state_history import residual_columns
 from bellcrank.simulation.status import Status
 
@@ -61,7 +64,8 @@ def live_run_film(run: Trajectory, film: Film) -> LiveFilm | str:
             "status": list(Status).index(run.status),
             "events": [[[rule.name for rule in run.scene.events].index(e.name), e.time] for e in run.events],
         },
-        "gains": run.settings.stabilisation.kind,
+        "gains": run.settings.stabilisation.kind if run.scene.constraints else None,
+        "largest_drift": LARGEST_DRIFT,
         "command": _command(run),
     }
     return LiveFilm(content=content, blocks=(*live.modules, byte_planes(numbers)), engine=ENGINE)
@@ -117,6 +121,8 @@ class _Places:
         self.content["residuals"] = [[unit, int(place[0])] for unit, place in columns.constraint_residuals.items()]
         frames = [a.symbols.frame(body.name) for body in film.bodies]
         self.content["bodies"] = self._places(casadi.vertcat(f.position, casadi.vec(f.rotation.T)) for f in frames)
+        stretch = LinkStretch(scene.robot, film.bodies, scene.parameters).expressions(a.symbols)
+        self.content["stretch"] = [[body, int(self._add(way.T)[0, 0])] for body, way in stretch]
         self.content["traces"] = self._places(self._traced(a, trace.name) for trace in film.traces)
         springs, rods = dict(self._springs(a)), dict(self._rods(a))
         self.content["springs"] = self._places(springs[spring.name] for spring in film.springs)
@@ -177,6 +183,8 @@ class _Places:
 def _command(run: Trajectory) -> dict[str, Any] | None:
     """How the run is made on the command line; None where it is not."""
     scene, own, used = run.scene, run.scene.settings, run.settings
+    if any(isinstance(constraint, FunctionConstraint) for constraint in scene.constraints):
+        return None
     overrides: list[list[Any]] = [[path, value] for path, value in scene.config.overrides.items()]
     for one in fields(Settings):
         value = getattr(used, one.name)

@@ -130,7 +130,8 @@ function makeChart(panel, before, chart, shared) {
   const usual = chart.logarithmic ? 0 : usualMagnitude(chart.time, lines.map(({ raw }) => raw));
   const few = chart.time.length <= 3;
   const noise = NOISE * Math.max(...lines.map(({ raw }) => largest(raw)));
-  const box = element("section", { className: "chart" }, element("header", {}, element("b", { textContent: chart.title }),
+  const title = element("b", { textContent: chart.title });
+  const box = element("section", { className: "chart" }, element("header", {}, title,
     element("span", { textContent: `[${formatUnit(chart.unit)}]${chart.logarithmic ? ", logarithmic" : usual ? `, logarithmic above ${formatNumber(usual, 2)}` : ""}${toleranceText(chart.tolerance, shared.film.tolerance)}` })));
   panel.insertBefore(box, before);
   const twice = shared.film.charts.filter(({ title }) => title === chart.title).length > 1;
@@ -188,6 +189,7 @@ function makeChart(panel, before, chart, shared) {
   return {
     plot,
     chart,
+    title,
     box,
     /** Other times, and other values of each line there; with those of another run, drawn dashed. */
     replace(time, columns, others = null) {

@@ -12,7 +12,7 @@ const REFUSALS = [  // page_engine.cpp
 
 const liveKind = {
   noun: "run",
-  agrees: 1e-6,  // of the largest value of a coordinate: a run amplifies rounding, which differs between processors
+  agrees: 1e-4,  // of the largest values: a run amplifies rounding, and is known to 1e-3 of a range (Settings.error_bound)
   open: /^parameters|^velocities/,
   load: loadRun,
   agreement: runAgreement,
@@ -102,7 +102,7 @@ function runAgreement({ checks, stored, size, duration }, found) {
   events.forEach(([, time], k) => { worst = Math.max(worst, Math.abs(found.eventTime[k] - time) / duration); });
   const count = checks.time.length;
   const sizes = Array.from({ length: size }, (_, j) => Math.max(...Array.from({ length: count }, (_, i) => Math.abs(checks.state[size * i + j]))));
-  const least = 1e-6 * Math.max(...sizes);
+  const least = 1e-3 * Math.max(...sizes);  // what is smaller counts as a part of that
   for (let i = 0; i < count; i++) {
     let row = indexAt(found.time, checks.time[i]);
     if (row + 1 < found.rows && found.time[row + 1] - checks.time[i] < checks.time[i] - found.time[row]) row++;
@@ -155,6 +155,7 @@ function makeRunSummary(state) {
       verdict.className = `live-verdict ${good ? "good" : "bad"}`;
       const notes = [];
       if (found.stiff > 0.2 * found.accepted) notes.push(`Stiffness holds ${found.stiff} steps short: bellcrank's solver Radau takes longer ones.`);
+      if (found.drift > live.largest_drift) notes.push("The energy balance is violated: the run is not to be trusted.");
       if (found.doubtful) notes.push(`Events may have been missed in ${found.doubtful} steps.`);
       note.hidden = !notes.length;
       note.textContent = notes.join(" ");

@@ -6,7 +6,7 @@ function makeRunFollower({ film, player, view, set, panel, charts, state }) {
   const facts = byId("facts");
   const original = {
     motion: { time: film.time, positions: film.positions, quaternions: film.quaternions, traces: film.traces.map(({ segments }) => segments),
-      springs: film.springs.map(({ ends }) => ends), rods: film.rods.map(({ ends }) => ends), stretch: [] },
+      springs: film.springs.map(({ ends }) => ends), rods: film.rods.map(({ ends }) => ends), stretch: stretchOf(live, state.result) },
     events: [...film.events], range: [...charts.range], facts: [...facts.children], bad: facts.classList.contains("bad"),
     charts: charts.charts.map(({ chart }) => ({ time: chart.time, columns: chart.lines.map(({ values }) => values) })),
   };
@@ -22,6 +22,7 @@ function makeRunFollower({ film, player, view, set, panel, charts, state }) {
     charts.range.splice(0, 2, original.range[0], changed ? Math.max(original.range[1], found.end) : original.range[1]);
     charts.charts.forEach((drawn, k) => {
       const before = original.charts[k];
+      drawn.title.textContent = drawn.chart.title.replace(/\(drift [^)]*\)/, (text) => (changed ? `(drift ${found.drift.toExponential(1)})` : text));
       if (!changed) return drawn.replace(before.time, before.columns);
       const columns = live.charts[k].map((place) => shownColumn(found, live.shown, place));
       const both = { lines: [...columns.map((samples) => ({ time: found.time, samples })), ...before.columns.map((samples) => ({ time: before.time, samples }))] };
@@ -83,6 +84,9 @@ const eventsOf = (live, found) => {
   return good ? events : [...events, { time: found.end, text }];
 };
 
+/** The maps of the shapes of bodies whose points follow parameters, as `showMotion` of the view takes them. */
+const stretchOf = ({ stretch }, { shown }) => stretch.map(([body, place]) => [body, [...shown.subarray(place, place + 9)]]);
+
 /** What the view needs: poses of the bodies, and points of traces, springs and rods. */
 function motionOf(live, found) {
   const { rows, shown, time } = found;
@@ -105,5 +109,5 @@ function motionOf(live, found) {
     return made;
   };
   return { time, positions, quaternions, traces: live.traces.map((place) => [{ time, points: points(place, 3) }]),
-    springs: live.springs.map((place) => points(place, 6)), rods: live.rods.map((place) => points(place, 6)), stretch: [] };
+    springs: live.springs.map((place) => points(place, 6)), rods: live.rods.map((place) => points(place, 6)), stretch: stretchOf(live, found) };
 }
