@@ -117,17 +117,18 @@ def curve_use(curves: Curves, torque: Array, speed: Array) -> Array:
     last = curves.last_x
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         use = np.where(last > 0.0, speed / last, np.where((torque > 0.0) | (speed > 0.0), np.inf, 0.0))
+        loaded = torque > 0.0  # without torque the ray ends with the curve, which may be 0 before its end
         for k in range(curves.x.shape[-1] - 1):
             x0, x1, y0, y1 = curves.x[..., k], curves.x[..., k + 1], curves.y[..., k], curves.y[..., k + 1]
             # The segment's line in the quadrant is n · (ω, T) = c with c >= 0; a point's use of it is n · (ω, T) / c.
-            # It counts where the ray crosses the segment: between the directions of its ends. Without torque the ray
-            # ends with the curve, which may be 0 before its end.
-            x0c = np.maximum(x0, 0.0)
-            y0c = np.where(x0 < 0.0, y0 + (y1 - y0) * (-x0 / (x1 - x0)), y0)
-            crosses = (torque > 0.0) & (x1 > 0.0) & (torque * x0c <= speed * y0c) & (torque * x1 >= speed * y1)
-            constant = y0c * x1 - y1 * x0c
-            along = (torque * (x1 - x0c) + speed * (y0c - y1)) / constant
-            use = np.where(crosses & (constant > 0.0), np.fmax(use, along), use)
+            # It counts where the ray crosses the segment: between the directions of its ends.
+            if (x0 < 0.0).any():
+                y0 = np.where(x0 < 0.0, y0 + (y1 - y0) * (-x0 / (x1 - x0)), y0)
+                x0 = np.maximum(x0, 0.0)
+            constant = y0 * x1 - y1 * x0
+            crosses = loaded & (torque * x0 <= speed * y0) & (torque * x1 >= speed * y1)
+            along = (torque * (x1 - x0) + speed * (y0 - y1)) / constant
+            use = np.where(crosses & ((x1 > 0.0) & (constant > 0.0)), np.fmax(use, along), use)
     return np.where(curves.known & ~np.isnan(torque + speed), use, np.nan)
 
 

@@ -71,13 +71,13 @@ class ShortTimeRegion:
 
     def use(self, torque: Array, speed: Array) -> Array:
         """The largest share (n,) of the known limits at shaft torques N m and speeds rad/s; NaN where none is known."""
-        if self.motor.by_ratings:
-            return peak_curve_use(self._motors, self.conditions, torque, speed)
         uses = self.uses(torque, speed)
         return np.asarray(uses.max(axis=0)) if len(uses) else np.full(uses.shape[1:], np.nan)
 
     def uses(self, torque: Array, speed: Array) -> Array:
         """The share (m, n) of each of m known limits at shaft torques N m and speeds rad/s."""
+        if self.motor.by_ratings and self._curve_known:
+            return peak_curve_use(self._motors, self.conditions, torque, speed)[None]
         current_torque = electrical_torque(self._motors, torque, speed)
         uses = [
             limit.use(current_torque if limit.basis == "electrical" else torque, speed)
