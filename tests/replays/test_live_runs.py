@@ -61,7 +61,7 @@ class TestAgainstPython:
         mine = run.state[[run.time.tolist().index(time[k]) for k in rows]]
         # rounding differs, and a run amplifies it; its own error is estimated as 1e-8 to 1e-6
         assert np.abs(state[rows] - mine).max() < 1e-6 * np.abs(mine).max()
-        assert len(rows) > 15 and page.clean
+        assert len(rows) > 8 and page.clean
 
 
 @pytest.fixture(scope="module")
