@@ -20,7 +20,7 @@ from bellcrank.replays.film.sizing_film import film_of_sizing
 from bellcrank.replays.geometry.shapes import Body
 from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.replays.page.page import write_page
-from bellcrank.simulation.plot_panels import _linear, shown_unit
+from bellcrank.simulation.plot_panels import linear_panels, shown_unit
 from bellcrank.sizing.joint_histories import SampledStates, joint_torques
 
 pytest_plugins = ("browser",)
@@ -86,7 +86,7 @@ def named(run):
     """(title, unit, line) -> values, of all lines of a run."""
     return {
         (panel.title.removesuffix(f", {shown_unit(panel.unit)}"), shown_unit(panel.unit), name): values
-        for panel in _linear(run)
+        for panel in linear_panels(run)
         for name, values in panel.lines
     }
 

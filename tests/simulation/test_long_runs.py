@@ -108,7 +108,7 @@ def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
     monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
     panels = plot_panels.run_panels(bc.simulate("four_bar", duration=2.0, samples=3000))
     assert [panel.title for panel in panels] == list(whole)
-    table = dict(plot_panels._linear(run)[0].lines)
+    table = dict(plot_panels.linear_panels(run)[0].lines)
     for panel in panels:
         assert panel.extremes and panel.time[0] == 0.0 and panel.time[-1] == run.time[-1] and len(panel.time) <= 1100
     for name, values in panels[0].lines:
