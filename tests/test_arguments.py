@@ -127,6 +127,7 @@ WORDS = {
     "set_masses": ("mass",),
     "vary": ("vary", "sweep", "parameter"),
     "variables": ("optimise", "pareto_front", "override"),
+    "tolerances": ("optimise", "pareto_front"),
     "sample": ("distribution", "study"),
     "frame": ("frame",),
     "makers": ("maker",),
@@ -138,6 +139,8 @@ WORDS = {
     "shipped": ("is also at",),
     "catalogue": ("file", "folder"),
     "keep": ("axis",),
+    "longest": ("links of at most",),
+    "fastest": ("fastest", "motion"),
     "parameters": ("parameter",),
     "reference_temperature": ("reference temperature",),
 }
@@ -260,8 +263,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
 
     near = {
         "scene": pendulum, "variables": {"initial.swing": (0.1, 0.2)}, "minimise": "end.swing", "maximise": None,
-        "limits": "end.time <= 100 s", "size": False, "start": {"initial.swing": 0.15}, "samples": 2, "starts": 1,
-        "seed": 0, "overrides": {"simulate.duration": 0.01}, "threads": 1, "progress": None, "trust": [],
+        "limits": "end.time <= 100 s", "size": False, "fastest": False,
+        "start": {"initial.swing": 0.15}, "samples": 2, "starts": 1,
+        "seed": 0, "tolerances": {"initial.swing": "uniform(-0.01, 0.01)"}, "robust": "worst",
+        "folder": None, "restart": False,
+        "overrides": {"simulate.duration": 0.01}, "threads": 1, "workers": None, "scheduler": None, "progress": None,
+        "trust": [],
     }  # fmt: skip
     best = bc.optimise(**near)
     between = near | {"variables": {"initial.swing": {"sizes": [0.1, 0.2]}}, "start": {"initial.swing": 0.1},
@@ -270,13 +277,16 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     chosen_designs = {
         "scene": "geared_pendulum", "vary": {"link.pendulum.mass": [2.0]}, "motions": None, "catalogue": small,
         "objective": "mass", "conditions": bc.Conditions(), "keep": None, "exclude": (), "makers": (), "feedback": True,
-        "candidates": 2, "effort": 10, "payloads": (), "allow_massless": (), "overrides": {"payloads": []},
+        "candidates": 2, "effort": 10, "samples": None, "payloads": (), "allow_massless": (),
+        "overrides": {"payloads": []},
         "progress": None, "trust": (),
     }  # fmt: skip
     designs = bc.select_designs(**chosen_designs)
     corners = {"linkage": "four_bar", "points": [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "timing": 1.2,
-               "transmission_angle": 0.5, "seed": 0, "progress": None}  # fmt: skip
+               "directions": None, "function": None, "transmission_angle": 0.5, "longest": None, "seed": 0,
+               "progress": None}  # fmt: skip
     linkages = bc.synthesise(**corners)
+    outputs = bc.synthesise("four_bar", function=[(0, 0), (0.5, 0.2), (1, 0.5), (1.2, 0.7), (1.5, 1)])
 
     def of(thing: Any, **methods: dict[str, Any]) -> dict[str, tuple[Any, dict[str, Any]]]:
         kind = type(thing).__name__
@@ -358,7 +368,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "PreparedRun.trajectory": (prepared().trajectory, {}),
         "load_run": (bc.load_run, {"path": "given.npz", "trust": ["."]}),
         "sweep": (bc.sweep, {"scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-6, 1e-5)"}, "sample": 4,
-                             "size": False, "method": "random", "seed": 1, "threads": 1, "workers": None,
+                             "size": False, "fastest": False, "method": "random", "seed": 1, "threads": 1,
+                             "workers": None,
                              "scheduler": None,
                              "folder": "study", "restart": True, "overrides": {"simulate.duration": 0.01},
                              "progress": None, "sobol": None, "checking": None, "keep": None, "keep_every": 5.0,
@@ -374,11 +385,13 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(front, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
              write_configs={"folder": "front"}),
         "synthesise": (bc.synthesise, corners),
+        **of(outputs, output_differences={"linkage": 0}),
         **of(linkages, table={}, as_dict={}, to_csv={"path": "p.csv"}, to_json={"path": "l.json"}, plot={"path": None},
              write_config={"path": "l.yaml"}),
         "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
+        "Linkage.leading": (linkage.leading, {"name": "unfold"}),
         "scene_derivatives": (bc.scene_derivatives, {
             "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
         "linearise": (bc.linearise, {
@@ -467,12 +480,12 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              updated={"given": {"ambient": 30.0}, "source": "given"}),
         **of(belt, motor_speeds={"joint_speeds": [1.0]}, motor_torques={"joint_torques": [1.0]}),
         **of(selection, axis={"name": "shoulder"}, plot={"path": None, "what": None},
-             stated={"candidate": selection.axes[0].chosen}, to_csv={"path": "c.csv"}, to_json={"path": "c.json"},
-             write_config={"path": "c.yaml"}),
+             stated={"candidate": selection.axes[0].chosen}, as_dict={}, to_csv={"path": "c.csv"},
+             to_json={"path": "c.json"}, write_config={"path": "c.yaml"}),
         **of(sized, sensitivities={"names": ["crank_length"]}),
         **of(sized.sensitivities(["crank_length"])[0], joint={"name": "crank"}),
         **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
-             to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
+             as_dict={}, to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
         **of(four_bar, motion={"name": "unfold"}, physics_key={}, replaced_friction={},
              signals_at={"times": np.array([0.1, 0.2])},
              with_constraint={"function": lambda s: s.q[0], "name": "own", "unit": "rad"},
@@ -493,7 +506,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              to_parquet={"path": "w.parquet"}, to_npz={"path": "w.npz"},
              to_json={"path": "w.json"}),
         **of(found, indices={"measure": "end.time"}, plot={"path": None, "measures": ["end.time"]},
-             table={"measures": ["end.time"]}, to_csv={"path": "i.csv"}, to_json={"path": "i.json"}),
+             table={"measures": ["end.time"]}, as_dict={}, to_csv={"path": "i.csv"}, to_json={"path": "i.json"}),
         **of(found.statistics, distribution={"measure": "end.time", "levels": (0.5,)},
              exceedance={"limit": "end.time > 1 s"}, table={"measures": ["end.time"]},
              plot={"path": None, "measures": ["end.time"], "limits": ["end.time > 1 s"]}),
@@ -558,7 +571,7 @@ def attempt(name: str, argument: str, odd: str) -> str | None:
     return None if finite(result) or odd in ("nan", "inf", "nan list") else "NaN in the result"
 
 
-def draw_nothing(_: Any, target: Any, **__: Any) -> None:
+def draw_nothing(_: Any, target: Any, *__: Any, **___: Any) -> None:
     """An empty picture, in place of a figure's own."""
     if hasattr(target, "write"):
         target.write("<svg></svg>" if isinstance(target, io.StringIO) else b"<svg></svg>")
@@ -571,7 +584,8 @@ def _folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("arguments"))
         patch.setattr("webbrowser.open", lambda _: True)
-        patch.setattr("matplotlib.figure.Figure.savefig", draw_nothing)  # it takes seconds
+        for drawing in ("matplotlib.figure.Figure.savefig", "bellcrank.plot_style._save_png"):
+            patch.setattr(drawing, draw_nothing)  # it takes seconds
         yield
 
 
@@ -584,7 +598,7 @@ def test_every_public_function_has_an_example() -> None:
 
 
 # Three values of each argument, of a different type each, are the first tier's; every function takes them turn by turn.
-FIRST = (("None", "nan", "text"), ("awkward", "inf", "nothing"), ("mapping", "cube", "-1"))
+FIRST = (("awkward", "inf", "nothing"), ("mapping", "cube", "-1"), ("None", "nan", "text"))
 
 
 def test_wrong_arguments_of_each_type_are_refused_by_name() -> None:

@@ -26,8 +26,8 @@ def on_files(files: Files, config: Any) -> Files:
     for path, source in COPIED.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         pages[path] = f"# License\n\n```text\n{text}```\n" if source == "LICENSE" else _from_docs(text)
-    tutorials = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-    pages.update({f"tutorials/{path}": text for path, text in tutorial_pages.written(tutorials).items()})
+    run = [page for folder in ("tutorials", "theory") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
+    pages.update(tutorial_pages.written(run))
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files

@@ -1,4 +1,4 @@
-"""Show in a tutorial the HTML pages that its own blocks write: replays and reports.
+"""Show in a tutorial, or a page on the theory, the HTML pages that its own blocks write: replays and reports.
 
 A line `<!-- page: NAME.html CAPTION -->` of a tutorial shows the file NAME.html. The build runs the tutorial in an
 empty folder and copies the file to TUTORIAL/NAME.html beside the tutorial's page.
@@ -26,7 +26,7 @@ def names(text: str) -> list[str]:
 
 
 def written(tutorials: Iterable[Path]) -> dict[str, str]:
-    """Run the tutorials that show pages; path in `tutorials/` -> text of each page."""
+    """Run the tutorials that show pages; path in docs/ -> text of each page."""
     with ThreadPoolExecutor(PROCESSES) as pool:
         runs = pool.map(lambda path: _run(path, path.read_text(encoding="utf-8")), tutorials)
         return {path: text for pages in runs for path, text in pages.items()}
@@ -48,12 +48,18 @@ def shown(markdown: str, stem: str) -> str:
 
 @functools.cache
 def _run(path: Path, text: str) -> dict[str, str]:
-    """Run one tutorial, unless its text has been run already (`mkdocs serve` builds again and again)."""
-    if not names(text):
+    """Run one tutorial up to the last page that it shows, unless its text has been run already (`mkdocs serve` builds
+    again and again).
+    """
+    shows = list(PAGE.finditer(text))
+    if not shows:
         return {}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as beside:
+        begun = Path(beside, path.name)
+        begun.write_text(text[: shows[-1].end()], encoding="utf-8")
         program = Path(__file__).with_name("tutorial.py")
-        done = subprocess.run([sys.executable, program, path], cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run([sys.executable, program, begun], cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"{path.name}: {done.stderr}")
-        return {f"{path.stem}/{name}": Path(folder, name).read_text(encoding="utf-8") for name in names(text)}
+        here = f"{path.parent.name}/{path.stem}"
+        return {f"{here}/{name}": Path(folder, name).read_text(encoding="utf-8") for name in names(text)}

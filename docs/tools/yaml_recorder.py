@@ -115,6 +115,8 @@ def _section(fields: Fields) -> str | None:
     if fields.where.endswith(".json"):  # the matrices of a controller, which are keys of the scene too
         return None
     path = re.sub(r"\[\d+\]", "[]", fields.path)
+    if path.endswith(".placement"):
+        return "motions.NAME.placement"
     if path.startswith("motions.") or ".parts[]" in path:
         return None if BY_JOINT.search(path) else f"motions: {fields._data['kind']}"
     top, _, rest = path.partition(".")

@@ -261,6 +261,19 @@ def csv_rows(columns: list[NDArray[np.float64] | tuple[NDArray[np.int32], list[s
     Raises ValueError where columns differ in length or a code has no text.
     """
 
+def spline_coefficients(
+    knots: NDArray[np.float64], at: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The coefficients (n, m) of the quintic spline with knots (n + 6,) through values (k, m) at k places, which rise.
+
+    With k = n − 4 its first and second derivative are 0 at both ends. Raises ValueError where two places are too close.
+    """
+
+def spline_values(
+    knots: NDArray[np.float64], coefficients: NDArray[np.float64], at: NDArray[np.float64], derivative: int
+) -> NDArray[np.float64]:
+    """Values (k, m) of a derivative of a quintic spline at k places."""
+
 class SensitivityResult:
     """Sensitivities along a run: in its rows (directions, n, nq + nv) and at marks (directions, m, nq + nv).
 

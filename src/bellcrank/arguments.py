@@ -360,6 +360,11 @@ def path(name: str, value: object, what: str = "a path") -> Path:
     return Path(given)
 
 
+def picture(value: object) -> Path | None:
+    """The path of a picture that a result draws, or None, before it is drawn."""
+    return None if value is None else path("path", value, "the path of a picture")
+
+
 def function(name: str, value: object, what: str = "a function") -> Callable[..., Any]:
     """Something that can be called."""
     if not callable(value):

@@ -15,7 +15,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from bellcrank import arguments
+from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
+from bellcrank.messages import unknown_name
 from bellcrank.terminal import interruption
 from bellcrank.text import readable
 
@@ -122,6 +125,22 @@ def _save_png(figure: Figure, file: Path | IO[bytes], dpi: float) -> None:
         figure.dpi = before
         if layout is not None:
             figure.set_layout_engine(layout)
+
+
+def write_figure(figure: Figure, path: str | Path | None) -> Figure:
+    """Write a figure in the format of the path's suffix, PNG without one, and return it; nothing is written for None.
+
+    Raises InputError where the format is not known or the file cannot be written.
+    """
+    target = arguments.picture(path)
+    if target is not None:
+        kind = target.suffix.lower().removeprefix(".") or "png"
+        known = figure.canvas.get_supported_filetypes()
+        if kind not in known:
+            raise InputError(f"{target}: {unknown_name('picture format', kind, sorted(known))}")
+        with atomic_write.writing(target) as temporary:
+            save_figure(figure, temporary, kind, dpi=DPI)
+    return figure
 
 
 def write_figures(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue_checks import checks_applied, contradictions
-from bellcrank.actuators.gear_checks import GEAR_CHECKS
+from bellcrank.actuators.catalogue_checks import GEAR_CHECKS, checks_applied, contradictions
 from bellcrank.actuators.motor_checks import MOTOR_CHECKS
 
 RPM = math.pi / 30.0

@@ -14,9 +14,8 @@ from thermal_reference import ALPHA, cycle_matrix, integrated, model
 
 from bellcrank.actuators.merged_heat import HOTTEST, merged, merged_temperatures
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
-from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
 from bellcrank.actuators.thermal_path import CyclePath
-from bellcrank.actuators.time_to_limit import time_to_limit
 from bellcrank.errors import InputError
 
 

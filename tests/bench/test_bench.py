@@ -575,3 +575,19 @@ def test_markdown_table_of_dynamics_has_a_column_per_tool():
         "|---|---|---|---|",
         "| UR5, inverse dynamics | 930 | 171 | 27.5 (34×) |",
     ]
+
+
+@pytest.mark.tier2
+def test_pages_are_measured_next_to_machine_code_with_the_same_results(tmp_path, capsys):
+    assert main(["bench", "--pages", "--samples", "10000", "--repeats", "1", "--out", str(tmp_path)]) == 0
+    rows = json.loads((tmp_path / "pages.json").read_text())["rows"]
+    assert {row["subject"] for row in rows} == {"ur5", "panda", "four_bar"}
+    assert all(row["ratio"] > 0.0 and row["error"] < 1e-11 for row in rows)
+    assert "Chromium" in capsys.readouterr().out
+
+
+def test_a_machine_without_a_browser_says_so_in_a_line(monkeypatch, capsys):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    assert main(["bench", "--pages"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("pages are not measured: ") and "chromium" in line

@@ -38,10 +38,11 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="go on from this case")
     given = parser.parse_args()
     os.environ["BELLCRANK_CACHE"] = "off"  # thousands of kernels that nobody needs again
     wrong, impacts = [], 0
-    for k in range(given.cases):
+    for k in range(given.first, given.cases):
         seed = given.seed * 1_000_000 + k
         with tempfile.TemporaryDirectory() as folder:
             try:

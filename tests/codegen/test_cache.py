@@ -15,7 +15,6 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.codegen import cache, cache_folder
-from bellcrank.codegen import cache_secret as secret
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.system import system_of
 
@@ -221,7 +220,7 @@ def test_an_entry_that_is_not_certainly_the_users_own_is_not_read(fresh_cache, t
         with path.open("r+b") as file:
             file.truncate(10**11)
     else:
-        secret.secret()
+        cache.secret()
         me = os.geteuid()
         monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     assert cache.load(key(1)) is None
@@ -229,11 +228,11 @@ def test_an_entry_that_is_not_certainly_the_users_own_is_not_read(fresh_cache, t
 
 def test_a_secret_that_others_can_read_or_that_is_damaged_is_replaced(fresh_cache, tmp_path):
     path = tmp_path / "state" / "bellcrank" / "cache-secret"
-    found = {secret.secret()}
+    found = {cache.secret()}
     for damage in (lambda: path.chmod(0o644), lambda: path.write_bytes(b"short"), lambda: path.write_bytes(bytes(99))):
         damage()
-        secret._kept.cache_clear()
-        found.add(secret.secret())
+        cache._kept.cache_clear()
+        found.add(cache.secret())
         assert len(path.read_bytes()) == 32 and stat.S_IMODE(path.stat().st_mode) == 0o600
     assert len(found) == 4 and None not in found
 

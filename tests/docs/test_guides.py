@@ -13,7 +13,7 @@ import tutorial
 import bellcrank as bc
 from bellcrank import cli
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES, TIERS
-from bellcrank.sizing.selection.selection import Objective
+from bellcrank.sizing.selection.judged_axes import Objective
 from bellcrank.sizing.selection.system_criteria import REGENERATION, SUPPLY
 
 GUIDES = sorted((Path(tutorial.__file__).parents[1] / "guide").glob("*.md"))

@@ -178,6 +178,19 @@ def test_a_joined_motion_goes_on_from_where_its_parts_ended(tmp_path, carried):
     np.testing.assert_allclose(motion.position[:, arms], arm_angles(x), atol=1e-9)
 
 
+def test_a_speed_factor_makes_a_path_of_a_linkage_faster(tmp_path):
+    scene = delta(tmp_path, "slides", PICK)
+    for name in ("pick", "there_and_back"):
+        once, fast = (
+            bc.Linkage(bc.load_scene(scene.source, overrides={f"motions.{name}.speed_factor": factor})).motion(name)
+            for factor in (1.0, 2.0)
+        )
+        np.testing.assert_allclose(fast.time, 0.5 * once.time)
+        np.testing.assert_allclose(fast.position, once.position)
+        np.testing.assert_allclose(fast.velocity, 2.0 * once.velocity)
+        np.testing.assert_allclose(fast.acceleration, 4.0 * once.acceleration)
+
+
 @pytest.mark.tier2
 @pytest.mark.parametrize("carried", ["slides", "leg"])
 def test_a_delta_is_sized_along_a_path_of_its_platform(tmp_path, carried, capsys):

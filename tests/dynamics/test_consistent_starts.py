@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities, reason
+from bellcrank.dynamics.consistent_start import consistent_postures, consistent_velocities, reason
 from bellcrank.dynamics.constraint_alignment import alignment_cosines
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.design_parameters import design_parameters

@@ -5,8 +5,13 @@ import pytest
 from scipy.optimize import least_squares
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start, given_posture, start_failure, starts_further_away
-from bellcrank.dynamics.consistent_starts import consistent_postures
+from bellcrank.dynamics.consistent_start import (
+    consistent_postures,
+    consistent_start,
+    given_posture,
+    start_failure,
+    starts_further_away,
+)
 from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.mobility import _jacobian, _null_space
 from bellcrank.dynamics.posture_search import Constrained, StartCode
@@ -135,7 +140,7 @@ def test_least_squares_by_scipy_finds_no_start_either_where_none_is_found(tmp_pa
 def test_an_ensemble_finds_the_starts_that_lone_designs_find(tmp_path, monkeypatch):
     """In several blocks; with all joints held none has a start."""
     scene = random_mechanism(4, tmp_path).scene
-    monkeypatch.setattr("bellcrank.dynamics.consistent_starts.BLOCK", 2)
+    monkeypatch.setattr("bellcrank.dynamics.consistent_start.BLOCK", 2)
     rows = rows_of(scene)
     designs = Constrained(np.tile(system_parameters(scene), (5, 1)), rows.unit[None], np.array([rows.length]))
     given = np.tile(given_posture(scene), (5, 1))

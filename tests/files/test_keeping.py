@@ -24,7 +24,7 @@ from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
 from bellcrank.simulation import checkpoints
-from bellcrank.studies import partial_sweeps
+from bellcrank.studies import sweep
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_ranges import DesignRange
 from bellcrank.studies.execution import Part
@@ -354,9 +354,9 @@ def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
                 )
 
     clock = iter([0.0, 5.0, 6.0, 55.5, 56.5, 56.6])  # keeping takes 1 s: it waits for 50
-    monkeypatch.setattr(partial_sweeps.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(sweep.time, "monotonic", lambda: next(clock))
     told = []
-    watched = partial_sweeps.WatchedExecutor(ThreeParts(), whole, told.append, 4.0)
+    watched = sweep.WatchedExecutor(ThreeParts(), whole, told.append, 4.0)
     assert len(list(watched.run(None))) == 3 and [len(part) for part in told] == [1, 3]
 
 

@@ -230,6 +230,7 @@ DRIVEN: dict[str, Any] = {
             "gear": {"maker": "a", "model": "h", "kind": "planetary", "ratio": 50, "efficiency": 1, "inertia": 0,
                      "inertia_side": "input"},
             "model": "dc",
+            "elastic": {"stiffness": "rigid", "backlash": "2 mrad", "restitution": 0.3},
             "servo": {"target": 0.2, "state_space": {"inputs": ["error", "rotor_velocity", "-t"], "A": [[0.9]],
                       "B": [[0.1, 0, 0]], "C": [[2]], "D": [[30, -0.1, 0.01]], "sample_time": "1 ms"}},
         },

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import bellcrank as bc
-from bellcrank.motion.stretching import stretched
+from bellcrank.motion.motion_entry import stretched
 
 Array = NDArray[np.float64]
 ARM = bc.load_robot("planar_2r")

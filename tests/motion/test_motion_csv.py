@@ -137,7 +137,7 @@ BROKEN = [
     ("shoulder position [rad],elbow position [rad]\n0,0\n1,0\n", r"column 'time \[s\]' is missing"),
     (HEADER.replace(" [s]", "") + "0,0,0\n1,0,0\n", "has no unit; write 'time \\[s\\]'"),
     (HEADER.replace("[s]", "[h]") + "0,0,0\n1,0,0\n", "is in 'h', expected s or ms"),
-    ("time [s],shoulder position [m],elbow position [rad]\n0,0,0\n1,0,0\n", "is in 'm', expected rad or deg"),
+    ("time [s],shoulder position [m],elbow position [rad]\n0,0,0\n1,0,0\n", "is in 'm', expected rad or mrad or deg"),
     (HEADER.replace("shou", "sho") + "0,0,0\n1,0,0\n", "did you mean 'shoulder position'"),
     ("time [s],time [s],elbow position [rad]\n0,0,0\n1,0,0\n", "column 'time' occurs twice"),
     ("time [s];shoulder position [rad]\n0;0\n1;0\n", "separated by ';'"),

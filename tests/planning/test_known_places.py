@@ -9,9 +9,9 @@ from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.planning import fastest_pass
 from bellcrank.planning.fastest_pass import fastest_refined
 from bellcrank.planning.joint_path import JointPath, joint_path, paths_of_motion
-from bellcrank.planning.known_places import KnownPlaces, PathPlaces
 from bellcrank.planning.motion_limits import MotionLimits
 from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.path_torques import KnownPlaces, PathPlaces
 
 Array = NDArray[np.float64]
 TORQUES = {"shoulder": 40.0, "elbow": 15.0}

@@ -5,6 +5,7 @@ import re
 import shlex
 from dataclasses import replace
 
+import casadi
 import numpy as np
 import pytest
 import yaml
@@ -12,9 +13,11 @@ import yaml
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.config.yaml_file import read_value
+from bellcrank.motion.coordinates import rates
 from bellcrank.replays.film.sizing_film import film_of_sizing
 from bellcrank.replays.page.page import page_html, write_page
-from bellcrank.sizing.live_motion import motion_pieces
+from bellcrank.robot.joints import unit_vectors
+from bellcrank.sizing.live_motion import motion_pieces, velocities
 from bellcrank.sizing.subject import sizing_subject
 
 pytest_plugins = ("browser",)
@@ -36,6 +39,7 @@ KINDS = {
     "coulomb": lambda rng, value: 0.0 * value,  # see test_coulomb_friction
 }
 
+NOT_COMPUTED = ("peak duration", "winding temperature", "axial load", "tilting moment")
 
 MOTOR = {
     "maker": "none", "model": "with every figure", "torque_constant": 0.1, "torque_constant_basis": "dc",
@@ -112,28 +116,20 @@ def random_changes(page, rng, groups=KINDS):
 def compare(found, sizing):
     """Figures and uses to 1e-9 of the largest of their kind; the verdict is Python's, or is said to be partial.
 
-    Torques 5e-9, as quintics have accelerations to 2e-9, so that those of small joints are off by 1e-7.
-    The torque at a shaft: 1e-7, as the rotor times its ratio multiplies that error.
-    The RMS of it: 1e-6, of joints 1e-7, as both grids miss a bend where a load reverses near an edge; so does the
-    average torque of gears.
     Inertias 1e-6 and the torques of currents with a safety factor 1e-5: the judge takes them at samples of its grid,
     which has the times of other largest values, and the page between them too, so that the page's are the larger ones.
     """
     k = len(sizing.joints)
     for number, kind in enumerate(expected(sizing)):
-        bar = (5e-9, 1e-7, 1e-9, 1e-8)[number]
-        np.testing.assert_allclose(
-            found["figures"][number * k : number * k + len(kind)], kind, rtol=bar, atol=bar * max(kind)
-        )
-    bars = {
-        "continuous torque": 1e-6, "peak torque": 1e-7, "URDF effort limit": 1e-7,
-        "peak curve": 1e-7, "peak current": 1e-5, "inertia ratio": 1e-6, "gear average torque": 1e-8, "gear life": 1e-8,
-    }  # fmt: skip
-    assert [(one, name) for one, name, _ in found["limits"]] == [(j.name, n) for j in sizing.joints for n in _limits(j)]
+        mine = found["figures"][number * k : number * k + len(kind)]
+        np.testing.assert_allclose(mine, kind, rtol=1e-9, atol=1e-9 * max(kind))
+    bars = {"peak current": 1e-5, "inertia ratio": 1e-6}
+    limits = sorted((joint, name) for joint, name, _ in found["limits"])
+    assert limits == sorted((joint.name, name) for joint in sizing.joints for name in _limits(joint))
     for joint, name, place in found["limits"]:
         margin, use = _limits(sizing.joint(joint))[name], None if place is None else found["uses"][place]
         if use is None:
-            assert margin is None or not np.isfinite(margin) or name in ("peak duration", "winding temperature")
+            assert margin is None or not np.isfinite(margin) or name in NOT_COMPUTED
         elif np.isnan(use):
             assert margin is None or name == "peak duration"
         else:
@@ -167,11 +163,12 @@ def _limits(joint):
 
 def test_quintics_have_the_states_of_the_motion():
     for name in ("ur5", "planar_2r", "geared_pendulum"):
-        for motion in sizing_subject(name, None).motions:
-            pieces = motion_pieces(motion)
-            assert pieces.error < 2e-9
+        subject = sizing_subject(name, None)
+        for motion in subject.motions:
+            pieces = motion_pieces(motion, subject.mechanism.robot)
+            assert pieces.error < 3e-10
             assert pieces.length.sum() == pytest.approx(motion.duration, rel=1e-12)
-            assert len(pieces.time) < 0.7 * len(motion)
+            assert len(pieces.time) < 0.8 * len(motion)
 
 
 def test_page_that_computes_allows_webassembly_and_nothing_else():
@@ -183,17 +180,33 @@ def test_page_that_computes_allows_webassembly_and_nothing_else():
     assert 0 < len(pages[0]) - len(pages[1]) < 60_000
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "reason"),
-    [
-        ("delta", {}, "several degrees of freedom"),
-        ("geared_pendulum", {"mass_tolerance": 0.1}, "tolerance"),
-    ],
-)
-def test_page_says_why_it_only_replays(name, options, reason):
-    film = film_of_sizing(bc.size(name, **options))
+def test_page_says_why_it_only_replays():
+    film = film_of_sizing(bc.size("geared_pendulum", mass_tolerance=0.1))
     assert film.live is None
-    assert any("replays the sizing" in note and reason in note for note in film.notes)
+    assert any("replays the sizing" in note and "tolerance" in note for note in film.notes)
+
+
+def test_polynomials_of_a_free_platform_give_the_velocities_of_its_turning_motion():
+    """The velocities of a floating joint that turns and moves, from polynomials of its coordinates."""
+    robot = bc.load_scene("delta").robot
+    rng = np.random.default_rng(1)
+    q = robot.neutral + 0.1 * rng.normal(size=robot.nq)
+    for part in unit_vectors(robot.joints):
+        q[part] /= np.linalg.norm(q[part])
+    v, a = rng.normal(size=(2, robot.nv))
+    qd, qdd = rates(robot.joints, *(each[None] for each in (q, v, a)))
+    symbols = [casadi.SX.sym(name, robot.nq) for name in "pvc"]
+    found = casadi.Function("velocities", symbols, velocities(robot, symbols))(1.001 * q, 1.001 * qd[0], 1.001 * qdd[0])
+    unit = np.zeros(robot.nq, dtype=bool)
+    for part in unit_vectors(robot.joints):
+        unit[part] = True
+    np.testing.assert_allclose(np.array(found[0]).ravel()[unit], q[unit], rtol=1e-14)
+    turns = [joint.v + k for joint in robot.joints if joint.nv == 6 for k in (3, 4, 5)]
+    np.testing.assert_allclose(np.array(found[1]).ravel()[turns], v[turns], rtol=1e-13)
+    np.testing.assert_allclose(np.array(found[2]).ravel()[turns], a[turns], rtol=1e-12)
+    found = casadi.Function("velocities", symbols, velocities(robot, symbols))(q, qd[0], qdd[0])
+    np.testing.assert_allclose(np.array(found[1]).ravel(), v, rtol=1e-12)
+    np.testing.assert_allclose(np.array(found[2]).ravel(), a, rtol=1e-12)
 
 
 def test_speed_factor_of_a_motion_keeps_the_path():
@@ -271,7 +284,7 @@ def test_criteria_that_the_page_does_not_compute_are_listed_and_never_their_old_
     page.do("b.live.set([[x, 6]])", place)
     assert "shoulder: peak duration" in page.do("b.live.verdict.open")
     assert page.do("b.live.verdict.word") == "Exceeded"
-    table = page.tab.locator("#live-panel table")
+    table = page.tab.locator("#live-panel > .wide table")
     assert "not known" not in table.inner_text() and "NaN" not in page.tab.locator("#live-panel").inner_text()
 
 
@@ -388,7 +401,39 @@ class TestHandling:
                 page.do("b.live.reset()")
                 page.do("b.live.set([[x[0], x[1]]])", [k, value])
                 assert all(np.isfinite(page.do("b.live.result.figures"))), (k, value)
+                assert sum(page.do("b.live.samples")) < 60_000, (k, value)  # rounding is not resolved: it takes minutes
         assert page.clean
+        page.do("b.live.set([[4, 5e-324]])")
+        assert "motion 'pick_and_place' would never end" in page.tab.locator(".live-message").inner_text()
+
+    def test_a_posture_needs_the_torques_of_inverse_dynamics_at_rest(self, pendulum):
+        page = pendulum(script=None)
+        film = film_of_sizing(bc.size("ur5"))
+        rng = np.random.default_rng(5)
+        page.do("b.live.set([[0, 1.5]])")
+        robot = bc.size("ur5", overrides=overrides_of(page)).inputs.mechanism.robot
+        page.tab.get_by_text("posture: torques at rest").click()
+        for _ in range(5):
+            q = rng.uniform(-2.5, 2.5, size=6)
+            found = page.do("b.live.rest(x)", [[k, float(value)] for k, value in enumerate(q)])
+            assert found["values"] == q.tolist()
+            torque = robot.inverse_dynamics(q, np.zeros(6), np.zeros(6))
+            np.testing.assert_allclose(found["torques"], torque, rtol=1e-9, atol=1e-12 * np.abs(torque).max())
+            effort = [place for _, name, place in page.do("b.live.limits") if name == "URDF effort limit"]
+            limits = np.array([joint.effort_limit for joint in bc.size("ur5").joints])
+            uses = [found["uses"][place] for place in effort]
+            np.testing.assert_allclose(uses, np.abs(torque) / limits, rtol=1e-9, atol=1e-12)
+        positions = np.array(found["positions"]).reshape(-1, 3)
+        where = [robot.frame_pose(body.name, q)[0] for body in film.bodies]
+        np.testing.assert_allclose(positions, where, atol=1e-6)
+        slider = page.tab.get_by_label("posture: elbow_joint, slider")
+        slider.fill("0.5")
+        page.do(TWO_FRAMES)
+        assert page.do("b.live.rest([])")["values"][2] == pytest.approx(0.5, abs=1e-3)
+        page.tab.get_by_label("posture: elbow_joint", exact=True).fill("99")
+        page.tab.keyboard.press("Tab")
+        assert "out of the joint's range" in page.tab.locator(".posture-message").inner_text()
+        assert page.do("b.live.rest([])")["values"][2] == pytest.approx(0.5, abs=1e-3) and page.clean
 
     def test_wrong_addresses_are_said(self, pendulum):
         page = pendulum("#set=payloads.1.mass=abc&set=nothing=1&set=__proto__=2&set=payloads.1.cg:3=0.2")

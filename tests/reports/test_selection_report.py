@@ -15,13 +15,12 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.replays.film.selection_film import LINK_OPACITY, STRIPES, film_of_selection
 from bellcrank.replays.replay import replay
-from bellcrank.reports.load_points import MOST_SAMPLES, TOLERANCE, corner_rows, load_points, thinned
 from bellcrank.reports.report import report
-from bellcrank.reports.selection_data import selection_data
+from bellcrank.reports.selection_data import MOST_SAMPLES, TOLERANCE, corner_rows, load_points, selection_data, thinned
 from bellcrank.reports.selection_report import WORDS, choice_table, conditions_facts, selection_document
+from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pair_detail import pair_detail
-from bellcrank.sizing.selection.selection import CriterionResult
 
 pytest_plugins = ("browser",)
 
@@ -130,7 +129,7 @@ def test_the_loads_that_decide_every_straight_limit_are_kept(chosen):
                         np.abs(part @ weights - np.where(drives(part), 0.0, (1.0 - braking) * part[:, 0] * weights[0]))
                         for part in (everything, kept)
                     )
-                    reach = TOLERANCE * np.linalg.norm(weights * largest)  # what load_points.py promises
+                    reach = TOLERANCE * np.linalg.norm(weights * largest)  # what load_points promises
                     assert of_all.max() - reach <= of_kept.max() <= of_all.max() * (1.0 + 1e-12)
 
 

@@ -14,7 +14,9 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.replays.film.design_film import TOLERANCE, film_of_designs
 from bellcrank.reports import study_data
-from bellcrank.reports.study_data import encoded_study, representative_rows, study_film
+from bellcrank.reports.document import Still
+from bellcrank.reports.live_study import live_study
+from bellcrank.reports.study_data import DEFAULT_VIEW, encoded_study, representative_rows, study_film
 from bellcrank.reports.study_report import study_document, write_study
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.samples import Sample
@@ -113,12 +115,17 @@ def test_a_page_holds_as_many_motions_as_fit(grid, monkeypatch):
 def document_of(sweep, limits=()):
     from bellcrank.studies.sweep_statistics import sweep_sensitivity, sweep_statistics
 
-    film = study_film(sweep, sweep.default_measures, title="Linkage")
     statistics = sweep_statistics(sweep) if sweep.space.sample is not None else None
     found = [statistics.exceedance(limit) for limit in limits]
     several = isinstance(sweep.space.sample, SensitivitySample)
     return study_document(
-        sweep, film, sweep.default_measures, found, statistics, sweep_sensitivity(sweep) if several else None
+        sweep,
+        "Linkage",
+        Still(0.0, ""),
+        sweep.default_measures,
+        found,
+        statistics,
+        sweep_sensitivity(sweep) if several else None,
     )
 
 
@@ -276,3 +283,57 @@ def test_a_large_sample_fits_a_page(open_page, drawn, tmp_path):
     page.tab.select_option(".map-choices select >> nth=1", label="lock.time")
     assert page.tab.locator(".design-map .limit").count() == 1 and page.clean
     assert page.tab.locator(".drawn img").count() == 1
+
+
+# ---- a page that computes
+
+COMPUTED = (
+    "new Promise((done) => { const wait = setInterval(() => b.live.busy || (clearInterval(wait), done()), 20); })"
+)
+
+
+@pytest.mark.tier2
+def test_a_page_computes_the_designs_of_a_sweep_of_sizings_and_those_between(open_page, tmp_path):
+    vary = {"upper_arm": [0.9, 1.1], "spring_preload": [100.0, 250.0]}
+    sweep = bc.sweep("balanced_arm", vary, size=True)
+    page = open_page(bc.report(sweep, tmp_path / "live.html", live=True), size=(1280, 900))
+    assert page.do("b.study.current") is None and page.do("b.live.agreement") < 1e-9
+    peaks = ("shoulder.peak_torque", "elbow.peak_torque")
+    for row in range(4):
+        page.do("b.study.show(x)", row)
+        page.do(COMPUTED)
+        assert page.do("b.study.current") == row
+        found = page.do("b.live.result.figures")[:2]
+        assert found == pytest.approx([sweep.column(name)[row] for name in peaks], rel=1e-9)
+    names = page.do("b.live.settings.map(({ name }) => name)")
+    assert page.do("b.live.set(x)", [[names.index("upper_arm"), 0.97], [names.index("spring_preload"), 180.0]])
+    assert page.do("b.study.current") is None  # it stands between the designs
+    alone = bc.size("balanced_arm", overrides={"upper_arm": 0.97, "spring_preload": 180.0})
+    figures = [alone.joint(name).peak_torque for name in ("shoulder", "elbow")]
+    assert page.do("b.live.result.figures")[:2] == pytest.approx(figures, rel=1e-9)
+    assert "those of the study" in page.tab.locator("#live-bar").inner_text() and page.clean
+
+
+@pytest.mark.tier2
+def test_a_page_computes_the_runs_of_a_sweep(open_page, tmp_path):
+    sweep = bc.sweep("four_bar", {"crank_length": [1.225, 1.24], "coupler_length": [1.2]})
+    page = open_page(bc.report(sweep, tmp_path / "runs.html", live=True), size=(390, 844))
+    page.do("b.study.show(0)")
+    page.do(COMPUTED)
+    assert page.do("b.study.current") == 0
+    assert page.do("b.live.result.time.at(-1)") == pytest.approx(sweep.column("lock.time")[0], abs=1e-8)
+    assert page.tab.evaluate("document.documentElement.scrollWidth") == 390 and page.clean
+
+
+def test_durations_and_ratios_are_settings_of_a_page_and_other_axes_are_refused(tmp_path):
+    vary = {"motions.elbow_up.duration": [5.0, 10.0], "actuators.shoulder.ratio": [120, 160]}
+    sweep = bc.sweep("planar_2r", vary, size=True)
+    made = live_study(sweep, title="Arm", view=DEFAULT_VIEW)
+    assert [(one["factor"], one["inverse"]) for one in made.settings] == [(10.0, True), (1.0, False)]
+    settings = made.film.live.content["settings"]
+    paths = [settings[one["setting"]]["path"] for one in made.settings]
+    assert paths == ["motions.elbow_up.speed_factor", "actuators.shoulder.ratio"]
+    other = bc.sweep("planar_2r", {"link.link_2.mass": [1.0, 2.0]}, size=True)
+    with pytest.raises(InputError, match=r"'link\.link_2\.mass' is none of the values that a page can change"):
+        bc.report(other, tmp_path / "refused.html", live=True)
+    assert not (tmp_path / "refused.html").exists()

@@ -7,8 +7,8 @@ from extended_robots import BOLT, MIXED, TOP, joint, link
 
 import bellcrank as bc
 from bellcrank.errors import InputError
+from bellcrank.robot.equations import inertia_diagonal
 from bellcrank.robot.extended_joints import with_extended_joints
-from bellcrank.robot.mass_diagonal import inertia_diagonal
 from bellcrank.robot.urdf_file import Urdf
 
 

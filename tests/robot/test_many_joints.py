@@ -115,7 +115,7 @@ def test_the_diagonal_of_the_mass_matrix_grows_with_the_joints_and_is_that_of_th
     monkeypatch.setattr("bellcrank.robot.robot.LARGEST_WHOLE", 4)
     np.testing.assert_allclose(robot.inertia_diagonal(q), whole, rtol=1e-13)
     np.testing.assert_allclose(robot.inertia_diagonal(q[2]), whole[2], rtol=1e-13)
-    from bellcrank.robot.mass_diagonal import inertia_diagonal
+    from bellcrank.robot.equations import inertia_diagonal
 
     counts = []
     for links in (6, 12, 24):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.robot_file import JointCoupling, JointMotor, JointSpring, SphericalSpring, read_robot_file
+from bellcrank.robot.file_readers import read_robot_file
+from bellcrank.robot.robot_file import JointCoupling, JointMotor, JointSpring, SphericalSpring
 
 BALL = '<geom type="sphere" size="0.1"/>'
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n" + "".join(

@@ -126,14 +126,20 @@ def test_a_rigid_gear_moves_as_a_stiff_elastic_one_does(tmp_path):
 # ---- several joints, by enumeration
 
 
-def geared(folder, seed, stops=False):
-    """A random chain of turning joints with lossy rigid drives: the scene's file, and figures by joint."""
+BASE = '<link name="l0"><inertial><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0" ixz="0" iyz="0"/>'
+
+
+def geared(folder, seed, stops=False, floating=False):
+    """A random chain of turning joints with lossy rigid drives: the scene's file, and figures by degree of freedom."""
     rng = np.random.default_rng(seed)
     path, joints = random_chain(rng, folder)
     urdf = folder / "chain.urdf"
     urdf.write_text(urdf.read_text().replace("prismatic", "continuous"))
     data, figures = yaml.safe_load(path.read_text()), {}
     data |= {"joints": {}, "outputs": {"w": {"work": "all"}}, "actuators": {}}
+    if floating:
+        urdf.write_text(urdf.read_text().replace('<link name="l0"/>', f"{BASE}</inertial></link>"))
+        data["floating_base"] = True
     for k in joints:
         driving, driven = (float(x) for x in rng.uniform(0.3, 1.0, 2))
         ratio, rotor, friction = float(rng.uniform(20, 150)), 10 ** rng.uniform(-6, -4), 10 ** rng.uniform(-3, -1)
@@ -148,7 +154,7 @@ def geared(folder, seed, stops=False):
         }
         if stops:
             data["joints"][f"j{k}"] = {"stop": {"lower": -4.0, "upper": 4.0, "restitution": float(rng.uniform(0, 0.9))}}
-        figures[k] = (
+        figures[k + 6 * floating] = (
             ratio,
             rotor,
             driving,
@@ -202,9 +208,9 @@ def enumerated(mass, bias, velocity, time, figures):
             yield found[:count]
 
 
-def check_geared(folder, seed):
+def check_geared(folder, seed, floating=False):
     """At rows of a run the accelerations are those of the enumeration, and all work is in the ledger."""
-    path, figures = geared(folder, seed)
+    path, figures = geared(folder, seed, floating=floating)
     run = bc.simulate(path)
     robot, still = run.robot, np.zeros(run.robot.nv)
     assert run.success, run.reason
@@ -232,6 +238,11 @@ def check_geared_stops(folder, seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_a_random_chain_of_lossy_drives_moves_as_the_enumeration_of_its_sides_says(tmp_path, seed):
     check_geared(tmp_path, seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_floating_chain_of_lossy_drives_moves_as_the_enumeration_of_its_sides_says(tmp_path, seed):
+    check_geared(tmp_path, 1000 + seed, floating=True)
 
 
 @pytest.mark.tier2

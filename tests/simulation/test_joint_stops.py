@@ -1,6 +1,7 @@
 """Stops of joints: impacts, rest and infinitely many rebounds, against closed forms and dense solutions."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -243,6 +244,25 @@ def test_ends_of_stops_are_parameters(block):
     keys = {"parameters": {"floor": {"value": 0, "sets": ["forces.stop_slide.lower"]}}, "initial": {"slide": 1}}
     swept = bc.sweep(block({"restitution": 0}, **keys), {"floor": [0.0, 0.25]}, threads=1)
     assert swept.column("end.slide").tolist() == [0.0, 0.25]
+
+
+def test_designs_beyond_their_stop_are_rows_with_their_reason_and_the_others_run_as_alone(block):
+    parameters = {
+        "floor": {"value": 0, "sets": ["forces.stop_slide.lower"]},
+        "back": {"value": 0.5, "sets": ["forces.stop_slide.restitution"]},
+    }
+    scene = block({"restitution": 0.5}, parameters=parameters, initial={"slide": 1})
+    swept = bc.sweep(scene, {"floor": [0.0, 1.5, 0.25], "back": [0.5, 1.25, 0.75]}, threads=2)
+    for row, (floor, back) in enumerate(swept.values.tolist()):
+        if floor > 1.0 or back > 1.0:
+            expected = "beyond its lower stop at 1.5" if back <= 1.0 else "restitution 1.25 of its stop is above 1"
+            assert swept.status[row] == "infeasible" and expected in swept.reasons[row]
+            with pytest.raises(bc.InputError, match=re.escape(swept.reasons[row])):
+                bc.simulate(scene, overrides={"floor": floor, "back": back})
+        else:
+            run = bc.simulate(scene, overrides={"floor": floor, "back": back})
+            assert swept.column("end.slide")[row] == pytest.approx(run.position[-1, 0], abs=1e-12)
+            assert swept.column("end.slide.velocity")[row] == pytest.approx(run.velocity[-1, 0], abs=1e-12)
 
 
 WRONG = {

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 from two_link import CONTINUOUS, TwoLink, circle_states
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion, join
-from bellcrank.motion.waypoints import dwell
+from bellcrank.motion.waypoints import dwell, waypoints
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.payload import Payload
 from bellcrank.sizing.size import size
@@ -300,3 +303,53 @@ def test_speeds_that_look_like_rpm_are_pointed_out() -> None:
     found = [text for text in size(robot, lecture_circle(robot, -1, 11), {"elbow": fast}).warnings if "rpm" in text]
     assert found == ["actuator of joint 'elbow': max_speed 3000 rad/s is 28648 rpm: was rpm meant? write '3000 rpm'"]
     assert DRIVE.doubts == ()
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize("seed", range(4))
+def test_rms_and_peak_torques_are_those_of_plain_pinocchio_integrated_between_all_switches_of_the_gear(seed) -> None:
+    """Gauss-Legendre panels between knots, each split where the speed or the load of a joint changes its sign."""
+    rng = np.random.default_rng(seed)
+    drives = {"shoulder": DRIVE, "elbow": replace(DRIVE, ratio=80.0, efficiency=0.65)}
+    inertia = {name: one.reflected_inertia for name, one in drives.items()}
+    robot = load_robot("planar_2r", GRAVITY, rotor_inertia=inertia, friction={"elbow": (0.4, 0.0)})  # viscous, Coulomb
+    times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.4, 1.2, 5))])
+    motion = waypoints(robot, times, rng.uniform(-1.5, 1.5, (6, 2)), samples=301)
+    model = pin.buildModelFromUrdf(str(robot.source))
+    model.gravity.linear = np.array(GRAVITY)
+    data = model.createData()
+    order = [model.joints[model.getJointId(name)].idx_v for name in robot.joint_names]
+
+    def loads(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        states = [np.empty_like(x) for x in motion.at(t)]
+        for given, placed in zip(motion.at(t), states, strict=True):
+            placed[:, order] = given
+        torque = np.array([pin.rnea(model, data, *row) for row in zip(*states, strict=True)])[:, order]
+        _, v, a = motion.at(t)
+        return torque + np.array([0.0, 0.4]) * v, v, a
+
+    panels = np.unique(np.concatenate([np.linspace(*pair, 41) for pair in itertools.pairwise(times)]))
+    torque, v, _ = loads(panels)
+    cuts = []
+    for k in range(2):
+        for what, row in ((0, torque[:, k]), (1, v[:, k])):
+            for i in np.flatnonzero(row[:-1] * row[1:] < 0.0):
+                ends = float(panels[i]), float(panels[i + 1])
+                cuts.append(brentq(lambda t, w=what, k=k: loads(np.array([t]))[w][0, k], *ends, xtol=1e-14))
+    edges = np.unique(np.concatenate([panels, cuts]))
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    half = np.diff(edges) / 2.0
+    t = ((edges[1:] + edges[:-1])[:, None] / 2.0 + half[:, None] * nodes).ravel()
+    torque, v, a = loads(t)
+    sizing = size(robot, motion, drives)
+    assert len(cuts) > 8
+    for k, joint in enumerate(sizing.joints):
+        one = drives[joint.name]
+        share = np.where(torque[:, k] * v[:, k] >= 0.0, 1.0 / one.efficiency, one.efficiency)
+        shaft = torque[:, k] * share / one.ratio + one.reflected_inertia / one.ratio * a[:, k]
+        for found, row in ((joint.rms_torque, torque[:, k]), (joint.shaft.rms_torque, shaft)):
+            mean = (half[:, None] * weights).ravel() @ row**2 / motion.duration
+            assert found == pytest.approx(np.sqrt(mean), rel=1e-9)
+        at = t[np.abs(torque[:, k]).argmax()] + np.linspace(-1e-2, 1e-2, 20_001)
+        near = loads(np.clip(at, 0.0, motion.duration))[0][:, k]
+        assert joint.peak_torque == pytest.approx(np.abs(near).max(), rel=1e-8)

@@ -92,7 +92,7 @@ def test_no_random_design_beats_an_optimum_of_the_tutorial(rivals) -> None:
 def test_exact_gradients_are_those_of_differences(scene, size, vary, measures) -> None:
     limits = [f"{name} <= 1e6" for name in measures[1:]]
     asked = Request(vary, minimise=measures[0], limits=limits, size=size)
-    problem, _, _ = plan_search(bc.load_scene(scene), asked, 1)
+    problem, _, _ = plan_search(bc.load_scene(scene), asked)
     point = np.full(len(problem.variables), 0.4)
     if scene == "four_bar":
         point = np.array([0.98, 0.02])  # far from the outstretched crank, where the lock's angle has a square root
@@ -115,6 +115,16 @@ def test_the_answer_does_not_depend_on_threads_and_the_seed_decides_it() -> None
         for threads in (1, 3)
     )
     assert first.as_dict() == second.as_dict()
+
+
+@pytest.mark.tier2
+def test_the_answer_on_dask_workers_is_that_of_threads() -> None:
+    asked = {"minimise": "cycle_time", "fastest": True, "samples": 8, "starts": 2}
+    first, second = (
+        bc.optimise("planar_2r", {"link.link_2.mass": (2.0, 5.0)}, **asked, **where)
+        for where in ({"threads": 1}, {"workers": 2})
+    )
+    assert first.as_dict() == second.as_dict() and first.converged
 
 
 def test_differences_reach_the_optimum_where_there_is_no_gradient() -> None:
@@ -166,7 +176,7 @@ def test_more_variables_than_a_grid_has_room_for_are_planned() -> None:
     bodies = [f"link.{link}_link.cg.{axis}" for link in ("crank", "coupler", "rocker") for axis in "xyz"]
     masses = [f"link.{link}_link.mass" for link in ("crank", "coupler", "rocker")]
     bounds = dict.fromkeys([*places, *bodies], (-0.01, 0.01)) | dict.fromkeys(masses, (1.0, 2.0))
-    problem, _, _ = plan_search(bc.load_scene("four_bar"), Request(bounds, minimise="lock.time"), 1)
+    problem, _, _ = plan_search(bc.load_scene("four_bar"), Request(bounds, minimise="lock.time"))
     assert len(problem.variables) == 20 and problem.numbers(np.full((1, 20), 0.5))[0, -1] == 1.5
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.motion.stretching import stretched
+from bellcrank.motion.motion_entry import stretched
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.sizing.size import size
 from bellcrank.studies.axes import read_axis
@@ -31,7 +31,9 @@ pytestmark = pytest.mark.tier2
 Array = NDArray[np.float64]
 G = 9.81
 EQUAL = 1e-9  # peaks, of the value
-RMS = 1e-6  # of the value: the points of a batch do not follow where an efficiency changes; the worst seen is 3e-7
+RMS = (
+    5e-9  # of the shared grid, whose parts are cut where a design's torque changes its sign; parabolas replace it there
+)
 DUST = 1e-9  # of a joint's peak torque times its speed: smaller powers are rounding of joints that hardly move
 
 

@@ -22,10 +22,9 @@ from bellcrank.studies.design_ranges import LARGEST, DesignRange, RangeSize, Und
 from bellcrank.studies.environment import differences, environment
 from bellcrank.studies.execution import Part
 from bellcrank.studies.executors import choose_executor
-from bellcrank.studies.folder_lock import NAME, FolderLock
 from bellcrank.studies.local_execution import LocalExecutor
 from bellcrank.studies.study import run_study
-from bellcrank.studies.study_folder import StudyFolder
+from bellcrank.studies.study_folder import NAME, FolderLock, StudyFolder
 from bellcrank.studies.study_rows import StudyRows
 from tests.campaigns.kills_of_a_study import check
 
@@ -321,7 +320,7 @@ def test_two_studies_cannot_write_one_folder(tmp_path):
 
 def test_a_lock_is_released_by_the_death_of_its_process(tmp_path):
     script = (
-        f"import os\nfrom pathlib import Path\nfrom bellcrank.studies.folder_lock import FolderLock\n"
+        f"import os\nfrom pathlib import Path\nfrom bellcrank.studies.study_folder import FolderLock\n"
         f"FolderLock(Path({str(tmp_path)!r})).__enter__()\nos.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -9

@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from random_four_bars import curve_distance, random_target
+from random_linkages import curve_distance, random_target
 
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.studies.synthesis.four_bar import coupler_curve, fit, lengths_of, shape_bounds
+from bellcrank.studies.synthesis.four_bar import CrankRockers
+from bellcrank.studies.synthesis.placement import PointTask
+from bellcrank.studies.synthesis.slider_crank import SliderCranks
 
 # The 18 points of the classical timed path, m; the crank turns by 20 deg from one to the next. As collected by
 # Nguyen-Van et al., Symmetry 14 (2022) 381, whose best error of linkages is 0.0161 m².
@@ -92,6 +94,44 @@ def test_most_of_forty_linkages_are_found_again(timed, share) -> None:
     assert good >= share * 40
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_linkages_are_found_again_from_the_poses_of_their_couplers(timed, tmp_path) -> None:
+    for k in range(3):
+        target = random_target(np.random.default_rng([21, k]), timed)
+        own, turned = target.linkage, np.angle(target.linkage.directions(target.angles)) + 0.7
+        timing = target.angles if timed else None
+        found = bc.synthesise("four_bar", target.points, timing, directions=turned, transmission_angle=0)
+        assert found.rms_turn < 1e-10
+        for name in ("crank", "coupler", "rocker", "ground"):  # no cognate: its coupler turns otherwise
+            assert getattr(found.best, name) == pytest.approx(getattr(own, name), rel=1e-9)
+        scene = bc.load_scene(found.write_config(tmp_path / f"{k}.yaml"))
+        run = bc.simulate(scene, samples=2)
+        _, rotation = scene.robot.frame_pose("coupler_point", run.position[0])
+        assert rotation[:2, 0] == pytest.approx([np.cos(turned[0]), np.sin(turned[0])], abs=1e-7)
+
+
+def test_poses_that_no_linkage_takes_are_a_compromise_of_places_and_turns_that_newtons_method_confirms() -> None:
+    points = [(0.0, 0.0), (0.3, 0.35), (0.8, 0.5), (1.3, 0.3), (1.5, -0.1), (0.7, -0.3)]
+    turned = np.deg2rad([0.0, 10.0, 25.0, 30.0, 20.0, 5.0])
+    found = bc.synthesise("four_bar", points, directions=turned)
+    free = bc.synthesise("four_bar", points)
+    best, size = found.best, np.sqrt(np.var(np.array(points), axis=0).sum())
+    assert found.error > free.error and found.rms_turn > 0.0
+    gaps = by_newton(best, best.angles) - points
+    end, tip = best.postures(best.angles)
+    turns = np.angle((tip - end) * np.exp(1j * (best.turn - turned)))
+    assert (gaps**2).sum() == pytest.approx(best.error, rel=1e-9)
+    assert (turns**2).sum() == pytest.approx(best.turn_error, rel=1e-9) and abs(np.sin(turns).sum()) < 1e-9
+    others = [one.error + size**2 * one.turn_error for one in found.linkages]
+    assert others == sorted(others)
+    assert "RMS turn [deg]" in found.table() and found.as_dict()["rms_turn"] == found.rms_turn
+
+
+def test_four_points_which_many_linkages_pass_are_passed_and_the_result_says_so() -> None:
+    found = bc.synthesise("four_bar", [(0, 0), (1, 0.2), (1.5, 1), (0.4, 1.1)], directions=[0.0, 0.2, 0.5, 0.3])
+    assert found.best.assembles and "so few points do not determine a linkage" in " ".join(map(str, found.notes))
+
+
 def test_a_clockwise_crank_is_found_from_falling_angles() -> None:
     target = random_target(np.random.default_rng(5), True)
     found = bc.synthesise("four_bar", target.points[::-1], "-18 deg", transmission_angle=0)
@@ -99,19 +139,26 @@ def test_a_clockwise_crank_is_found_from_falling_angles() -> None:
     assert (np.diff(found.best.angles) < 0.0).all()
 
 
-def test_derivatives_of_the_fit_are_those_of_differences() -> None:
-    rng, least, step = np.random.default_rng(0), 0.3, 1e-6
-    lower, upper = shape_bounds(least)
-    shape = lower + (upper - lower) * rng.uniform(0.2, 0.8, (4, 3))
-    crank, branch = rng.uniform(0.0, 6.0, (4, 18)), np.array([1.0, -1.0, 1.0, -1.0])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("of", [CrankRockers, SliderCranks])
+def test_derivatives_of_the_fit_are_those_of_differences(of, turned) -> None:
+    rng, step = np.random.default_rng(0), 1e-6
+    kind = of(0.3)
+    lower, upper = kind.bounds
+    shape = lower + (upper - lower) * rng.uniform(0.2, 0.8, (4, len(lower)))
+    crank, branch = rng.uniform(0.0, 6.0, (4, 18)), np.array([kind.branches[k % len(kind.branches)] for k in range(4)])
     points = rng.normal(size=18) + 1j * rng.normal(size=18)
-    found = fit(shape, crank, branch, points, least)
+    task = PointTask(kind, points, np.exp(1j * rng.normal(size=18)) if turned else None)
+    found = task.fit(shape, crank, branch)
 
     def model(shape, crank):
-        links = lengths_of(shape, least).links
-        return np.array([coupler_curve(links[k], branch[k], found.placement[k], crank[k]) for k in range(len(shape))])
+        ways = kind.turning(shape, crank, branch, False).directions
+        pivot, by_crank, by_coupler = (found.placement[:, k, None] for k in range(3))
+        whole = pivot + by_crank * np.exp(1j * crank) + by_coupler * ways
+        return np.concatenate([whole, found.placement[:, 3:] * ways], axis=1) if turned else whole
 
-    for column, move in enumerate([None, *np.eye(3)]):
+    assert np.abs(task.targets - model(shape, crank) - found.residual).max() < 1e-12
+    for column, move in enumerate([None, *np.eye(len(lower))]):
         if move is None:
             change = model(shape, crank + step) - model(shape, crank - step)
         else:
@@ -199,3 +246,26 @@ def test_points_that_no_linkage_passes_in_order_are_said_in_words_exit_code_and_
     assert "no four-bar was found that passes the points in their order" in capsys.readouterr().err
     written = json.loads((tmp_path / "o/synthesis.json").read_text())
     assert written["linkages"] == [] and "no four-bar was found" in written["status"]
+
+
+@pytest.mark.parametrize("linkage", ["four_bar", "slider_crank"])
+def test_no_link_is_longer_than_the_limit_and_a_linkage_at_it_is_said_to_be_there(linkage) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    leaf = np.c_[0.3 * np.cos(turn), 0.15 * np.sin(turn) + 0.05 * np.sin(2.0 * turn)]
+    free = bc.synthesise(linkage, leaf, "30 deg")
+    limit = 0.8 * max(map(abs, free.best.lengths.values()))
+    limited = bc.synthesise(linkage, leaf, "30 deg", longest=limit)
+    longest = [max(map(abs, each.lengths.values())) for each in limited.linkages]
+    assert max(longest) <= limit and limited.error >= free.error and limited.best.assembles
+    said = "at its limit, where the search stops" in str(limited.notes)
+    assert said == (longest[0] > 0.99 * limit) and limited.as_dict()["longest"] == pytest.approx(limit)
+    with pytest.raises(bc.BellcrankError, match=r"with links of at most 0\.01 m"):
+        bc.synthesise(linkage, leaf, "30 deg", longest=0.01)
+
+
+def test_a_limit_of_links_that_is_no_length_or_belongs_to_no_points_is_refused() -> None:
+    for wrong in (0.0, "-1 m", "3 kg", "x", float("nan")):
+        with pytest.raises(InputError, match="argument 'longest'"):
+            bc.synthesise("four_bar", [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5)], longest=wrong)
+    with pytest.raises(InputError, match="cannot be combined with 'longest'"):
+        bc.synthesise("four_bar", function=[(0, 0), (0.5, 0.2), (1, 0.5), (1.2, 0.7)], longest=1.0)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -41,12 +42,9 @@ class Opened:
         return not self.errors and not self.requests
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    path = shutil.which("chromium")
-    if path is None:
-        give_up = pytest.fail if os.environ.get("CI") else pytest.skip
-        give_up("these tests look at pages in a real browser; install it (on Debian: apt-get install chromium)")
+@contextmanager
+def launched(path):
+    """A headless Chromium, from its path."""
     flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS  # Chromium refuses to start for root otherwise
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=flags)
@@ -54,19 +52,34 @@ def chromium():
         browser.close()
 
 
+def open_in(browser, path, fragment="", size=(640, 480), script=None, wait=True, **options):
+    """The page of a file in a context of its own, when it is ready; options are of Playwright's context."""
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, offline=True, **options)
+    page = Opened(context, path, fragment, script)
+    if wait:
+        page.tab.evaluate("() => window.bellcrank.ready")
+    return page
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    path = shutil.which("chromium")
+    if path is None:
+        give_up = pytest.fail if os.environ.get("CI") else pytest.skip
+        give_up("these tests look at pages in a real browser; install it (on Debian: apt-get install chromium)")
+    with launched(path) as browser:
+        yield browser
+
+
 @pytest.fixture(scope="module")
 def open_page(chromium):
-    """A function that opens a page's file and waits until it is ready; options are of Playwright's context."""
-    contexts = []
+    """A function that opens a page's file, as `open_in`."""
+    pages = []
 
-    def opened(path, fragment="", size=(640, 480), script=None, wait=True, **options):
-        context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, offline=True, **options)
-        contexts.append(context)
-        page = Opened(context, path, fragment, script)
-        if wait:
-            page.tab.evaluate("() => window.bellcrank.ready")
-        return page
+    def opened(path, *args, **options):
+        pages.append(open_in(chromium, path, *args, **options))
+        return pages[-1]
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.tab.context.close()

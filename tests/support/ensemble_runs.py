@@ -8,7 +8,8 @@ from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResul
 
 COLUMNS = (
     "done", "status", "end_time", "end_state", "event_count", "event_time", "event_state", "stopped_by", "unresolved",
-    "undefined", "least", "largest", "accepted", "rejected", "evaluations", "single",
+    "undefined", "least", "largest", "held_start", "held_end", "held_event",
+    "accepted", "rejected", "evaluations", "single",
 )  # fmt: skip
 
 

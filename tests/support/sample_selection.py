@@ -8,14 +8,8 @@ from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.selection.selection import (
-    AxisSelection,
-    Candidate,
-    CriterionResult,
-    ParetoPoint,
-    Selection,
-    SelectionInputs,
-)
+from bellcrank.sizing.selection.criteria import CriterionResult
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate, ParetoPoint, Selection, SelectionInputs
 
 # Products of no maker.
 FULL = Motor(

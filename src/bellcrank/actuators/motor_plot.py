@@ -14,16 +14,15 @@ from bellcrank.actuators.electrical import friction_torque
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import Array, MotorArrays
 from bellcrank.actuators.short_time_limits import peak_curves, short_time_limits, voltage_limit_source
+from bellcrank.config.units import RPM
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import writing
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DPI, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import literal, new_figure, plain, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RPM = 30.0 / math.pi  # of 1 rad/s
 POINTS = 401
 _CONTINUOUS, _SHORT, _VOLTAGE, _LIMIT = "#009E73", "#0072B2", "#D55E00", "#5a5a5a"
 
@@ -33,9 +32,7 @@ def write_motor_plot(motor: Motor, path: Path, conditions: Conditions) -> Path:
     kind = path.suffix.lower().removeprefix(".") or "png"
     if kind not in ("png", "pdf", "svg"):
         raise InputError(f"--out {path}: {unknown_name('picture format', path.suffix, ('.png', '.pdf', '.svg'))}")
-    figure = motor_figure(motor, conditions)
-    with writing(path) as temporary:
-        save_figure(figure, temporary, kind, dpi=DPI)
+    write_figure(motor_figure(motor, conditions), path)
     return path
 
 

@@ -76,7 +76,7 @@ class RootLoci:
         """Draw the eigenvalues in the complex plane, and their real and imaginary parts over the number.
 
         Args:
-            path: Where the picture is written (PNG without a suffix); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
 
         Returns:
             A matplotlib figure.
@@ -92,7 +92,7 @@ class RootLoci:
         """
         from bellcrank.analysis.root_locus_plot import plot_root_loci
 
-        return plot_root_loci(self, None if path is None else arguments.path("path", path, "the path of a picture"))
+        return plot_root_loci(self, arguments.picture(path))
 
     def to_csv(self, path: str | Path) -> None:
         """Write the eigenvalues as a table: the number, then real and imaginary part of each.

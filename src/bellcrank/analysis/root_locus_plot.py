@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import writing
-from bellcrank.messages import unknown_name
-from bellcrank.plot_style import DPI, colour, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import colour, literal, new_figure, plain, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,14 +90,7 @@ def plot_root_loci(loci: RootLoci, path: Path | None) -> Figure:
         axes.set_title(title, loc="left", fontsize=10)
     figure.colorbar(marks, ax=plane, orientation="horizontal", label=name, pad=0.12)
     figure.suptitle(literal(loci.name), x=0.02, ha="left")
-    if path is not None:
-        kind = path.suffix.lower().removeprefix(".") or "png"
-        known = figure.canvas.get_supported_filetypes()
-        if kind not in known:
-            raise InputError(f"{path}: {unknown_name('picture format', kind, sorted(known))}")
-        with writing(path) as file:
-            save_figure(figure, file, kind, dpi=DPI)
-    return figure
+    return write_figure(figure, path)
 
 
 def _shade_unstable(axes: Axes, loci: RootLoci) -> None:

@@ -26,13 +26,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bellcrank.dynamics.consistent_start import displaced
 from bellcrank.dynamics.constraint_rows import velocity_units
 from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint, cross
 from bellcrank.errors import InputError
+from bellcrank.motion.quaternions import rotate
 from bellcrank.numerics import svd
 from bellcrank.robot.joints import RobotJoint
 
@@ -208,7 +208,7 @@ def _to_body(joint: RobotJoint, q: Array) -> Array:
     if joint.kind == "planar":
         x, y, c, s = own
         return np.array([[c, s, s * x - c * y], [-s, c, c * x + s * y], [0.0, 0.0, 1.0]])
-    turn = Rotation.from_quat(own[-4:]).as_matrix().T
+    turn = rotate(own[-4:], np.eye(3))
     if joint.kind == "spherical":
-        return np.asarray(turn)
+        return turn
     return np.block([[turn, -turn @ cross(own[:3])], [np.zeros((3, 3)), turn]])

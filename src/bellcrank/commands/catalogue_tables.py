@@ -16,10 +16,10 @@ from bellcrank.actuators.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MO
 from bellcrank.actuators.catalogue_curves import Placed, Product
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.config.units import RPM
 from bellcrank.files import json_files
 from bellcrank.sizing.selection.completeness import completeness
 
-RPM = 30.0 / math.pi  # of 1 rad/s
 SHOWN_IN = {  # unit of a field -> unit on the screen, factor
     "rad/s": ("rpm", RPM),
     "rad/s/V": ("rpm/V", RPM),

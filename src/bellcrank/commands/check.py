@@ -11,7 +11,7 @@ from bellcrank.files.access import FileAccess
 from bellcrank.files.atomic_write import default_place
 from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.check import check_urdf, format_findings
-from bellcrank.robot.robot_file import read_robot_file
+from bellcrank.robot.file_readers import read_robot_file
 from bellcrank.robot.xml_tree import parse_xml, read_text
 
 CONFIGURATIONS = (".yaml", ".yml")

@@ -174,8 +174,8 @@ def _compiling() -> Finding:
 
 
 def _cache() -> Finding:
+    from bellcrank.codegen.cache import secret
     from bellcrank.codegen.cache_folder import folder, limit, why_unused
-    from bellcrank.codegen.cache_secret import secret
 
     if os.environ.get("BELLCRANK_CACHE", "").lower() == "off":
         return Finding("cache", "off, by BELLCRANK_CACHE: every process compiles anew")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--minimise", action="append", metavar="MEASURE",
-        help="the measure to be made small, one of those of sweeps; several of --minimise and --maximise ask for the "
-        "front between them",
+        help="the measure to be made small, one of those of sweeps, or a formula of them; several of --minimise and "
+        "--maximise ask for the front between them",
     )  # fmt: skip
     parser.add_argument("--maximise", action="append", metavar="MEASURE", help="the measure to be made large, instead")
     parser.add_argument(
@@ -48,6 +49,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--size", action="store_true", help="size the motors over the configuration's motions instead of simulating"
     )
+    parser.add_argument(
+        "--fastest", action="store_true", help="find the fastest motions along the paths of the configuration's motions"
+    )
+    parser.add_argument(
+        "--tolerance", action="append", default=[], metavar="PATH=DISTRIBUTION", dest="tolerances",
+        help="judge each design at deviations of what is varied, or of another number of the scene, such as "
+        "crank_length='uniform(-1 mm, 1 mm)'; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--robust", metavar="RULE", help="how, with tolerances: worst (default) or 'mean + K sd', such as 'mean + 3 sd'"
+    )
+    parser.add_argument(
+        "--restart", action="store_true",
+        help="set aside the designs that an earlier search kept in the folder, instead of going on with them",
+    )  # fmt: skip
     parser.add_argument("--samples", metavar="N", help="number of Sobol points of the global search (default: 256)")
     parser.add_argument("--starts", metavar="N", help="number of local searches (default: 8)")
     parser.add_argument("--seed", metavar="N", help="seed of the Sobol points (default: 0)")
@@ -56,6 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change a value of the scene first, such as simulate.duration='20 s'; may be repeated",
     )  # fmt: skip
     parser.add_argument("--threads", metavar="N", help="number of threads that run designs (default: the machine's)")
+    parser.add_argument("--workers", metavar="N", help="run designs in N processes of a Dask cluster on this machine")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run designs on the workers of a Dask scheduler")
     parser.add_argument(
         "--write-config", type=output_path, metavar="FILE", help="write the best design as a scene file"
     )
@@ -70,8 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
-    from bellcrank.studies.executors import MOST_THREADS
+    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.optimisation.front import run_front
+    from bellcrank.studies.optimisation.kept_designs import KeptDesigns
     from bellcrank.studies.optimisation.optimise import run_search
     from bellcrank.studies.optimisation.request import Request, plan_search
     from bellcrank.studies.samples import LARGEST_SEED
@@ -84,12 +103,19 @@ def run(arguments: argparse.Namespace) -> int:
         maximise=arguments.maximise,
         limits=arguments.limits or None,
         size=arguments.size or None,
+        fastest=arguments.fastest or None,
         samples=whole_option("--samples", arguments.samples, 1, MOST_DESIGNS),
         starts=whole_option("--starts", arguments.starts, 1, MOST_STARTS),
         seed=whole_option("--seed", arguments.seed, 0, LARGEST_SEED),
         points=whole_option("--points", arguments.points, 2, MOST_POINTS),
+        tolerances=dict(map(_tolerance, arguments.tolerances)) or None,
+        robust=arguments.robust,
     )
-    threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
+    executor = choose_executor(
+        whole_option("--threads", arguments.threads, 1, MOST_THREADS),
+        whole_option("--workers", arguments.workers, 1, MOST_WORKERS),
+        arguments.scheduler,
+    )
     check_folder("--out", folder, (*NAMES, *NAMES_OF_FRONT))
     if arguments.write_config is not None:
         check_file("--write-config", arguments.write_config)
@@ -97,25 +123,42 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene, changes, trust=arguments.trust)
     for option, given, entry in (
         ("--vary", arguments.vary, scene.optimise.vary), ("--limit", arguments.limits, scene.optimise.limits),
+        ("--tolerance", arguments.tolerances, scene.optimise.tolerances),
     ):  # fmt: skip
         if given and entry:
             print(f"note: {option} replaces what the scene says under 'optimise'")
-    with counting("optimise", " designs") as bar, interruption.held() as check:
+    kept = KeptDesigns(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
+    with contextlib.ExitStack() as stack:
+        with counting("optimise", " designs") as bar, interruption.held() as check:
 
-        def progress(done: int) -> None:
-            check()
-            bar(done, done)
+            def progress(done: int) -> None:
+                check()
+                bar(done, done)
 
-        problem, asked, start = plan_search(scene, asked, threads, progress)
-        if len(asked.objectives) > 1:
-            if arguments.write_config is not None:
+            problem, asked, start = plan_search(scene, asked, executor, progress)
+            several = len(asked.objectives) > 1
+            if several and arguments.write_config is not None:
                 raise InputError("--write-config: each design of a front is written into the folder of --out")
-            front = run_front(problem, asked, start)
-        elif arguments.points is not None:
-            raise InputError("--points: belongs to a front; give several of --minimise and --maximise")
-        else:
-            result = run_search(problem, asked, start)
-    return _show(result, folder, arguments) if len(asked.objectives) == 1 else _show_front(front, folder, arguments)
+            if not several and arguments.points is not None:
+                raise InputError("--points: belongs to a front; give several of --minimise and --maximise")
+            stack.enter_context(kept)  # wrong input leaves no folder
+            problem.keep_in(kept)
+            stack.enter_context(executor)
+            result = (run_front if several else run_search)(problem, asked, start)
+        code = _show_front(result, folder, arguments) if several else _show(result, folder, arguments)  # type: ignore[arg-type]
+        if result.complete:
+            kept.remove_checkpoints()
+    return code
+
+
+def _tolerance(text: str) -> tuple[str, str]:
+    """Path and distribution of "path=distribution". Raises InputError."""
+    path, equals, given = text.partition("=")
+    if not equals or not path.strip() or not given.strip():
+        raise InputError(
+            f"--tolerance {text!r}: expected PATH=DISTRIBUTION, such as crank_length='uniform(-1 mm, 1 mm)'"
+        )
+    return path.strip(), given.strip()
 
 
 def _bounds(text: str) -> tuple[str, Any]:

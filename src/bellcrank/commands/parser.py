@@ -18,7 +18,7 @@ COMMANDS = {
     "simulate": "simulate a scene, and check the accuracy of the result",
     "sweep": "simulate a scene for many values of its parameters",
     "optimise": "find the best values of parameters of a scene within bounds and limits",
-    "synthesise": "find a four-bar whose coupler passes given points",
+    "synthesise": "find a linkage whose coupler passes given points, or whose output is a given function",
     "modes": "linearise a scene, and list, show and write its modes",
     "replay": "write the replay of a run or a sizing as one HTML page",
     "report": "write the report of a run or a sizing as one HTML page: verdict, tables, pictures, replay",

@@ -83,8 +83,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "--vary",
         "PATH=VALUES",
-        "choose sizes of a parameter too, given as for `bellcrank sweep`: upper_arm=0.9,1.0,1.1; may be repeated",
+        "choose the size of a parameter too: of values as for `bellcrank sweep`, upper_arm=0.9,1.0,1.1, or within a "
+        "range, upper_arm=0.9:1.1; may be repeated",
     )
+    parser.add_argument("--samples", metavar="N", help="number of points over the ranges of --vary (default: 32)")
     _repeated(parser, "--exclude", "ID|MAKER", "leave out a product or a maker; may be repeated")
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
     add_limit(parser, "a limit that the chosen drives must keep when they are simulated along the motions")
@@ -185,6 +187,8 @@ def run(arguments: argparse.Namespace) -> int:
     given = conditions(arguments)
     folder = arguments.out or default_place(f"{Path(arguments.robot).stem}_selection")
     check_folder("--out", folder, (*FILES, *DESIGNS))
+    if arguments.samples is not None and not arguments.vary:
+        raise InputError("--samples: nothing is sampled without a range of --vary, such as upper_arm=0.9:1.1")
     if arguments.vary and limits:
         raise InputError("--limit: not with --vary; judge the best design with `bellcrank judge --simulate`")
     page = page_of(arguments, folder / REPORT)
@@ -255,13 +259,13 @@ def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.select_designs import select_designs
+    from bellcrank.studies.select_designs import MOST_DESIGNS, select_designs
     from bellcrank.terminal import interruption
     from bellcrank.terminal.progress import counting
 
     vary: dict[str, Any] = {}
     for text in arguments.vary:
-        path, values = parse_axis(text)
+        path, values = _range(text) or parse_axis(text)
         if path in vary:
             raise InputError(f"--vary {text!r}: '{path}' is varied already")
         vary[path] = values
@@ -275,8 +279,20 @@ def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict
 
         return select_designs(
             scene, vary, arguments.motion or None, catalogue, arguments.objective, overrides=changes or None,
-            progress=progress, **settings,
+            progress=progress, samples=whole_option("--samples", arguments.samples, 1, MOST_DESIGNS), **settings,
         )  # fmt: skip
+
+
+def _range(text: str) -> tuple[str, Any] | None:
+    """Path and range of "path=lower:upper"; None for anything else. Raises InputError."""
+    from bellcrank.config.yaml_file import read_value
+
+    path, _, given = text.partition("=")
+    ends = given.split(":")
+    if len(ends) != 2 or not path.strip() or not all(end.strip() for end in ends):
+        return None
+    lower, upper = (read_value(end, f"--vary {text!r}") for end in ends)
+    return path.strip(), {"lower": lower, "upper": upper}
 
 
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:

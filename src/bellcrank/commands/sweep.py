@@ -36,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size the motors over the configuration's motions instead of simulating; lengths, masses, payload.mass, "
         "actuators.JOINT.ratio, motions.NAME.duration and the like can then be varied too",
     )  # fmt: skip
+    parser.add_argument(
+        "--fastest", action="store_true",
+        help="find the fastest motions along the paths of the configuration's motions instead",
+    )  # fmt: skip
     parser.add_argument("--sample", metavar="N", help="number of designs that are drawn from the distributions")
     parser.add_argument(
         "--method", metavar="NAME", help="how they are drawn: sobol (default), latin (Latin hypercube) or random"
@@ -81,7 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
     executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
     check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *sweep_statistics.NAMES])
-    page_of(arguments, folder / "sweep.html")  # is refused before anything is computed
+    if page_of(arguments, folder / "sweep.html") is None and arguments.live:  # is refused before anything is computed
+        raise InputError("--live says what the page does; give --page too")
     plan = _plan(arguments)
     sweep_statistics.check_limits(arguments.limits, plan.runner.units)
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
@@ -107,7 +112,7 @@ def _plan(arguments: argparse.Namespace) -> SweepPlan:
     from bellcrank.scene.study import MOST_POINTS
     from bellcrank.studies.axes import parse_axis
     from bellcrank.studies.samples import LARGEST_SEED
-    from bellcrank.studies.sweep_plan import SampleRequest, plan_sizings, plan_sweep
+    from bellcrank.studies.sweep_plan import SampleRequest, planner
 
     vary: dict[str, Any] = {}
     for text in arguments.axes:
@@ -120,7 +125,7 @@ def _plan(arguments: argparse.Namespace) -> SweepPlan:
     seed = whole_option("--seed", arguments.seed, 0, LARGEST_SEED)
     with counting("check", " values") as checking:
         plan, drawn = (
-            plan_sizings if arguments.size else plan_sweep,
+            planner("sweep", size=arguments.size, fastest=arguments.fastest),
             SampleRequest(sample, arguments.method, seed, sobol),
         )
         return plan(_scene(arguments), vary or None, drawn, checking)

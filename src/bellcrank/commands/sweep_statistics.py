@@ -33,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "sweep.html in DIR",
         "--report",
     )
+    parser.add_argument(
+        "--live", action="store_true",
+        help="the page computes the design that is clicked, and those between, by sliders, instead of keeping motions",
+    )  # fmt: skip
 
 
 def check_limits(limits: Sequence[str], units: Mapping[str, str]) -> None:
@@ -65,4 +69,4 @@ def write_statistics(result: Sweep, arguments: argparse.Namespace, folder: Path,
     if page is not None:
         from bellcrank.reports.study_report import write_study
 
-        files.append(write_study(result, page, measures=measures, limits=arguments.limits))
+        files.append(write_study(result, page, measures=measures, limits=arguments.limits, live=arguments.live))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+RPM: Final = 30.0 / math.pi  # of 1 rad/s
 _DEGREE: Final = math.pi / 180.0
 _POUND: Final = 0.45359237  # kg, avoirdupois
 _INCH: Final = 0.0254  # m
@@ -16,7 +17,7 @@ _OUNCE_INCH: Final = _POUND / 16.0 * _GRAVITY * _INCH  # N m
 UNITS: Final[dict[str, dict[str, float]]] = {
     "": {"": 1.0, "%": 0.01},
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": _INCH, "ft": _FOOT},
-    "rad": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcmin": _DEGREE / 60.0},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "arcmin": _DEGREE / 60, "arcsec": _DEGREE / 3600},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "kg": {"kg": 1.0, "g": 0.001, "lb": _POUND, "oz": _OUNCE},
     "N m": {

@@ -155,6 +155,21 @@ class Linkage:
         found, joints = self._motions.along(motion, independent)
         return freed_motion(self, found), joints
 
+    def leading(self, name: str) -> tuple[str, ...] | None:
+        """The independent joints from which all others follow along a motion of the scene.
+
+        Args:
+            name: The name of the motion.
+
+        Returns:
+            The names of the joints; None where the motion prescribes other joints or frames too, or is none of the
+            scene.
+
+        Raises:
+            InputError: `name` is no text.
+        """
+        return self._motions.leading(arguments.text("name", name, "the name of a motion"))
+
     # ---- forces
 
     def torques(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:

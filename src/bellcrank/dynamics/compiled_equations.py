@@ -62,7 +62,7 @@ class System:
             operations = self.function_of_state("rhs", [a.state_rate]).n_instructions()
             layout = SystemLayout.of(scene, a, operations, sizes(a.has_work))
             layout.store("system-" + key)
-        self._layout = layout
+        self.json_layout = layout
         self.has_work = layout.has_work
         self.size = self.nq + self.nv + self.nz + self.has_work
 
@@ -79,12 +79,12 @@ class System:
     @property
     def multiplier_names(self) -> tuple[tuple[str, str], ...]:
         """(constraint, label) of each multiplier, such as ("hook", "z [N]")."""
-        return self._layout.multiplier_names
+        return self.json_layout.multiplier_names
 
     @property
     def operations(self) -> int:
         """The number of operations of the right-hand side."""
-        return self._layout.operations
+        return self.json_layout.operations
 
     @property
     def is_loaded(self) -> bool:
@@ -274,7 +274,7 @@ class System:
     @property
     def jacobian_pattern(self) -> SparsityPattern:
         """Where the entries of J are that are not always zero."""
-        return self._layout.sparsity["jacobian"]
+        return self.json_layout.sparsity["jacobian"]
 
     @cached_property
     def linearised(self) -> Compiled:
@@ -289,7 +289,7 @@ class System:
     def constraint_metric(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
         """J (rows, nv) and M (nv, nv) at a state, or at each state of a batch."""
         jacobian, mass = self._metric(t, x, u, p)
-        return self._layout.sparsity["jacobian"].matrix(jacobian), self._layout.sparsity["mass"].matrix(mass)
+        return self.json_layout.sparsity["jacobian"].matrix(jacobian), self.json_layout.sparsity["mass"].matrix(mass)
 
     @cached_property
     def _metric(self) -> Compiled:
@@ -391,7 +391,7 @@ class System:
 
     def _compiled(self, what: str, build: Callable[[], casadi.Function], seldom: bool = False) -> Compiled:
         with making:
-            return self._scene.robot.compiled(f"{what} {self._key}", build, seldom, self._layout.sizes)
+            return self._scene.robot.compiled(f"{what} {self._key}", build, seldom, self.json_layout.sizes)
 
 
 def _flat(matrix: casadi.SX) -> casadi.SX:

@@ -67,7 +67,7 @@ class ConstraintSampler:
         for f in self._functions(scene):
             given = f.sx_in()
             depends |= bool(given[-1].numel() and casadi.depends_on(f(*given), given[-1]))
-        facts = {"parametric": depends, **self._layout}
+        facts = {"parametric": depends, **self.json_layout}
         disk.store(self.name, json.dumps(facts).encode())
         return facts
 
@@ -89,7 +89,7 @@ class ConstraintSampler:
             entries = casadi.reshape(jacobian.nz[:], jacobian.nnz(), 1)
             every = casadi.vertcat(entries, residuals, *lengths)
             places = [list(place) for place in jacobian.sparsity().get_triplet()]
-            self._layout = {"names": row_names(scene.constraints, s), "places": places, "signals": s.u.numel()}
+            self.json_layout = {"names": row_names(scene.constraints, s), "places": places, "signals": s.u.numel()}
             rows = casadi.Function("rows", [s.q, s.t, s.u, s.p], [casadi.densify(every)])
             self._made = rows, s.inertia()
         return self._made

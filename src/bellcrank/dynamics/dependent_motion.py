@@ -75,6 +75,18 @@ class DependentMotions:
             self._check_agreement(whole, found, [j for j in self._candidates(given) if j not in joints])
         return found, tuple(joint.name for joint in joints)
 
+    def leading(self, name: str) -> tuple[str, ...] | None:
+        """The independent joints that a motion of the scene prescribes, and nothing more; None for other motions."""
+        entry = self.entries.get(name)
+        if entry is None or any(path_frames(entry, self.entries)):
+            return None
+        given = _prescribed_joints(entry, self.robot, self.entries)
+        try:
+            joints = tuple(joint.name for joint in self.kinematics.independent(self._candidates(given), name))
+        except InputError:
+            return None
+        return joints if given <= set(joints) else None
+
     def _prescribed(self, motion: Motion | str | Path) -> tuple[Motion, set[str] | None]:
         """A motion of joints, and the joints that it prescribes (None: all)."""
         if isinstance(motion, Motion):
@@ -85,7 +97,7 @@ class DependentMotions:
             entry = self.entries[str(motion)]
             given = _prescribed_joints(entry, self.robot, self.entries)
             if isinstance(entry, CsvEntry):
-                return read_partial_motion(self.robot, entry.path, entry.name, entry.text), given
+                return entry.paced(read_partial_motion(self.robot, entry.path, entry.name, entry.text)), given
             whole = self.scene.motion(str(motion))
             return replace(whole, notes=(*whole.notes, *path_notes(self.scene, [str(motion)]))), given
         file = arguments.path("motion", motion, "a motion's name or the path of a CSV file")
@@ -160,7 +172,7 @@ class DependentMotions:
                     break
                 motions.append(follower.motion())
             else:
-                return motions[0] if len(motions) == 1 else join(*motions, name=entry.name)
+                return entry.paced(motions[0] if len(motions) == 1 else join(*motions, name=entry.name))
             if entry.options.coordinates is not None or not self._open_chain_suffices(frame):
                 raise InputError(follower.too_few_coordinates())
             return None
@@ -176,7 +188,7 @@ class DependentMotions:
             last = motions[-1].position[-1] if motions else previous
             found = self._frame_motion(part, last)
             motions.append(self._part(part, last) if found is None else found)
-        return join(*motions, name=entry.name)
+        return entry.paced(join(*motions, name=entry.name))
 
     def _open_chain_suffices(self, frame: str) -> bool:
         """Whether the joints between a frame and the world are independent of each other, as in an open chain."""
@@ -188,10 +200,10 @@ class DependentMotions:
         if isinstance(entry, DwellEntry) and entry.position is None:
             if previous is None:
                 raise InputError(f"{entry.fields.error('', 'a dwell that comes first needs a position')}")
-            return dwell(self.robot, previous, entry.duration, name=entry.name)
+            return entry.paced(dwell(self.robot, previous, entry.duration, name=entry.name))
         given = _prescribed_joints(entry, self.robot, self.entries)
         if isinstance(entry, CsvEntry):
-            whole = read_partial_motion(self.robot, entry.path, entry.name, entry.text)
+            whole = entry.paced(read_partial_motion(self.robot, entry.path, entry.name, entry.text))
         else:
             whole = entry.build(self.robot, self.entries, previous)
         joints = self._independent(whole, given, None)

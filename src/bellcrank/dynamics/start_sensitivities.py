@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities
+from bellcrank.dynamics.consistent_start import consistent_postures, consistent_start, consistent_velocities
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError

@@ -25,12 +25,13 @@ from bellcrank.elements.loop_constraints import WORLD, Distance, Hinge, Loop, Po
 from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.robot.file_readers import READERS, root_tag
 from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import without_motor
 from bellcrank.robot.load import default_options, robot_of
 from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot import Robot
-from bellcrank.robot.robot_file import READERS, FrameLoop, FramePlace, JointCoupling, JointRelation, root_tag
+from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation
 from bellcrank.robot.xml_tree import read_text
 
 Array = NDArray[np.float64]

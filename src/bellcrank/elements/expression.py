@@ -143,25 +143,30 @@ def parse_expression(
 
     Raises InputError that quotes the part that is not valid, or the unknown name.
     """
+    tree = syntax_tree(text)
+    term = Reader(text.strip(), robot, parameters, output).term(tree.body, 0)
+    return Expression(
+        text, term, repr(term) if any(isinstance(n, ast.Name) and n.id == "output" for n in ast.walk(tree)) else ""
+    )
+
+
+def syntax_tree(text: str) -> ast.Expression:
+    """Python's syntax tree of an expression. Raises InputError that quotes what is none."""
     if len(text) > LONGEST:
         raise InputError(f"expected an expression of at most {LONGEST} characters, found {len(text)}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Python's warnings on literals do not apply here
-            tree = ast.parse(text.strip(), mode="eval")
+            return ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         place = getattr(error, "offset", None)
         where = f" at character {place}" if place else ""
         raise InputError(
             f"'{_short(text)}' is not an expression: {getattr(error, 'msg', None) or error}{where}"
         ) from None
-    term = _Reader(text.strip(), robot, parameters, output).term(tree.body, 0)
-    return Expression(
-        text, term, repr(term) if any(isinstance(n, ast.Name) and n.id == "output" for n in ast.walk(tree)) else ""
-    )
 
 
-class _Reader:
+class Reader:
     """Converts Python's syntax tree to terms, and refuses everything that expressions do not allow."""
 
     def __init__(
@@ -170,6 +175,7 @@ class _Reader:
         self.text, self.robot, self.parameters, self.output = text, robot, parameters, output
 
     def term(self, node: ast.expr, depth: int) -> Term:
+        """The term of a node. Raises InputError that quotes what is not allowed."""
         if depth > DEEPEST:
             raise InputError(f"the expression '{_short(self.text)}' is nested too deeply")
         if isinstance(node, ast.Constant):

@@ -20,9 +20,7 @@ from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
-from bellcrank.motion.path_entries import CircleEntry, LineEntry
-from bellcrank.motion.point_to_point_entry import PointToPointEntry
-from bellcrank.motion.tool_path_entry import ToolPathEntry
+from bellcrank.motion.path_entries import CircleEntry, LineEntry, PointToPointEntry, ToolPathEntry
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -232,3 +230,8 @@ def csv_texts(entries: Iterable[MotionEntry]) -> Iterator[tuple[str, str]]:
             yield entry.fields.text("file"), entry.text
         if isinstance(entry, JoinEntry):
             yield from csv_texts(part for part in entry.parts if isinstance(part, MotionEntry))
+
+
+def joins(entry: MotionEntry | str, name: str) -> bool:
+    """Whether a motion is joined from others, of which one is that of a name."""
+    return isinstance(entry, JoinEntry) and any(one == name or joins(one, name) for one in entry.parts)

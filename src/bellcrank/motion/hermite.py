@@ -48,14 +48,21 @@ def quintic_polynomial(s: Any, value: Any, d: Any, begin: Any, end: Any) -> tupl
     """The quintic that rises by d from `value` over 0 <= s <= 1, and its derivatives by s, of numbers, arrays or
     expressions; `begin` and `end` are its first and second derivatives there.
     """
-    (v0, a0), (v1, a1) = begin, end
-    c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-    c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-    c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
+    _, v0, half, c3, c4, c5 = quintic_powers(value, d, begin, end)
+    a0 = 2.0 * half
     p = value + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     pd = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
     pdd = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
     return p, pd, pdd
+
+
+def quintic_powers(value: Any, d: Any, begin: Any, end: Any) -> tuple[Any, ...]:
+    """The coefficients of 1, s, … s⁵ of `quintic_polynomial`."""
+    (v0, a0), (v1, a1) = begin, end
+    c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+    c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
+    return value, v0, 0.5 * a0, c3, c4, c5
 
 
 def _too_short(knot: Array, h: Array, value: Ends, first: Ends, second: Ends) -> NDArray[np.bool_]:

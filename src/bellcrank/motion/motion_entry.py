@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
 
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.messages import format_value
-from bellcrank.motion.stretching import stretched
+from bellcrank.motion.motion import Motion
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
-    from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 
 Posture = dict[str, float] | tuple[float, ...]
@@ -43,6 +44,10 @@ class MotionEntry(ABC):
         """The factor on all speeds of the motion, which keeps its path. InputError where it is not positive."""
         return self.fields.number("speed_factor", "", 1.0, positive=True)
 
+    def paced(self, made: Motion) -> Motion:
+        """The motion `made` of this entry at the speed that its factor says."""
+        return made if self.speed_factor == 1.0 else stretched(made, 1.0 / self.speed_factor)
+
     @abstractmethod
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`; errors need not name the configuration."""
@@ -53,8 +58,7 @@ class MotionEntry(ABC):
         `entries` are the configuration's motions. Raises BellcrankError naming the place in the configuration.
         """
         try:
-            made = self.motion(robot, entries, previous)
-            return made if self.speed_factor == 1.0 else stretched(made, 1.0 / self.speed_factor)
+            return self.paced(self.motion(robot, entries, previous))
         except BellcrankError as error:
             if str(error).startswith(self.fields.where):
                 raise
@@ -82,3 +86,19 @@ def posture_of(fields: Fields, key: str, value: object) -> Posture:
         except ValueError as error:
             raise fields.error(key, str(error)) from None
     raise fields.error(key, f"expected {{joint: angle}} or a list of coordinates, found {format_value(value)}")
+
+
+# ---- A motion in more or less time: the same positions, velocities divided by s and accelerations by s².
+
+
+def stretched(motion: Motion, factor: float) -> Motion:
+    """The motion in `factor` times its time, which begins at the same time."""
+    begin = motion.time[0]
+    return replace(
+        motion,
+        time=begin + factor * (motion.time - begin),
+        velocity=motion.velocity / factor,
+        acceleration=motion.acceleration / factor**2,
+        speed_noise=tuple(np.array(motion.speed_noise) / factor),
+        forms=tuple(form.stretched(float(begin), factor) for form in motion.forms),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +32,7 @@ FARTHEST = 1e9  # m, and turns: beyond, a double cannot tell 0.1 µm
 @dataclass(frozen=True, kw_only=True)
 class FramePath:
     """A path of a frame: a curve in the world over its length, its timing, the orientation wanted, the number of rows,
-    and the coordinates of the position that it prescribes.
+    and the coordinates of the position that it prescribes. `turn` (3, 3) is a rotation on top of the orientation.
     """
 
     name: str
@@ -43,10 +43,29 @@ class FramePath:
     samples: int
     coordinates: tuple[str, ...]
     knots: Array | None = None  # lengths at which there is a row
+    turn: Array | None = None
 
     def rows(self) -> tuple[Array, Array, Array, Array]:
         """Time, length, speed and acceleration of the rows."""
         return self.timing.rows(self.samples, self.knots)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a path lies as a whole: turned by `yaw` (rad) about the world's z axis, then moved by `offset` (3,) m."""
+
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    yaw: float = 0.0
+
+    def moved(self, path: FramePath) -> FramePath:
+        """A path there, with the orientation that it asks for."""
+        turn, inner = from_rpy(np.array([0.0, 0.0, self.yaw])), path.curve
+
+        def curve(s: Array) -> tuple[Array, Array, Array]:
+            position, first, second = inner(s)
+            return position @ turn.T + np.array(self.offset), first @ turn.T, second @ turn.T
+
+        return replace(path, curve=curve, turn=turn)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +183,12 @@ def _axes(title: str, coordinates: Sequence[str]) -> tuple[str, ...]:
 
 def wanted_rotation(path: FramePath, held: Array) -> Array | None:
     """The rotation matrix (3, 3) that a path asks for, frame to world, or None; `held` is the present one."""
+    found = _own_rotation(path, held)
+    return found if found is None or path.turn is None else np.asarray(path.turn @ found)
+
+
+def _own_rotation(path: FramePath, held: Array) -> Array | None:
+    """The same before the path is placed."""
     title, orientation = f"motion '{path.name}'", path.orientation
     if orientation is None:
         return None

@@ -15,6 +15,7 @@ from bellcrank.motion.coordinates import Array, continuous, from_rates
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
 from bellcrank.motion.motion import Motion
+from bellcrank.motion.quintic_spline import FEWEST, QuinticSpline, too_close
 from bellcrank.robot.joints import JointLike
 
 if TYPE_CHECKING:
@@ -158,30 +159,22 @@ class _SplineCurve:
 
 def derivative(knots: Array, values: Array) -> Array:
     """Derivative (k, m) at the knots of the quintic not-a-knot spline through `values` (k, m)."""
-    return np.asarray(_spline(knots, values, rest=False)(knots, 1), dtype=np.float64)
+    return _spline(knots, values, rest=False)(knots, 1)
 
 
 def second_derivatives(knots: Array, values: Array) -> tuple[Array, Array]:
     """First and second derivative (k,) at the knots of the quintic not-a-knot spline through `values` (k,)."""
     spline = _spline(knots, values[:, None], rest=False)
-    return np.asarray(spline(knots, 1))[:, 0], np.asarray(spline(knots, 2))[:, 0]
+    return spline(knots, 1)[:, 0], spline(knots, 2)[:, 0]
 
 
-def _spline(knots: Array, values: Array, rest: bool) -> Any:
-    from scipy.interpolate import make_interp_spline
-
-    still = np.zeros(values.shape[1])
-    ends = [(1, still), (2, still)]
+def _spline(knots: Array, values: Array, rest: bool) -> QuinticSpline | _Through:
+    if rest or len(knots) >= FEWEST:
+        return QuinticSpline.through(knots, values, rest)
     try:
-        if rest:
-            return make_interp_spline(knots, values, k=5, bc_type=(ends, ends))
-        return make_interp_spline(knots, values, k=5) if len(knots) >= 6 else _Through(knots, values)
-    except (ValueError, np.linalg.LinAlgError):
-        least = float(np.min(np.diff(knots)))
-        raise InputError(
-            f"no smooth curve passes through {len(knots)} points whose times lie as close as {least:.3g} s; "
-            "leave some of them out"
-        ) from None
+        return _Through(knots, values)
+    except np.linalg.LinAlgError:
+        raise too_close(knots) from None
 
 
 class _Through:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from bellcrank.files.results import WithJson
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import WithNotes
-from bellcrank.planning.result_files import write_json
 
 By = Literal["pause", "speed"]
 Limit = Literal["rms", "temperature"]
@@ -19,7 +18,7 @@ LIMITS = {"rms": "RMS torque", "temperature": "winding temperature"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RepeatedCycle(WithNotes):
+class RepeatedCycle(WithNotes, WithJson):
     """A cycle that motors bear for ever.
 
     Attributes:
@@ -123,23 +122,3 @@ class RepeatedCycle(WithNotes):
             "warnings": list(self.warnings),
             "notes": [note.to_dict() for note in self.notes],
         }
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
-
-        Args:
-            path: The file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, tempfile
-            >>> fastest = bc.time_optimal("geared_pendulum", "lift_and_return", costs=False)
-            >>> bc.repeated_cycle("geared_pendulum", fastest.motion).to_json(tempfile.mkdtemp() + "/cycle.json").name
-            'cycle.json'
-        """
-        return write_json(self.as_dict(), path)

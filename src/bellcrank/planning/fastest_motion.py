@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
+from bellcrank.files.results import WithJson
 from bellcrank.notes import WithNotes
-from bellcrank.planning.result_files import write_json
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
@@ -73,7 +73,7 @@ class LimitExcess:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FastestMotion(WithNotes):
+class FastestMotion(WithNotes, WithJson):
     """The fastest motion of a mechanism along a path, from rest to rest.
 
     Attributes:
@@ -144,8 +144,8 @@ class FastestMotion(WithNotes):
         Example:
             >>> import bellcrank as bc
             >>> fastest = bc.time_optimal("planar_2r", "elbow_up")
-            >>> fastest.bound.split(",")[0]
-            'no motion along the path takes less than 0.780241 s'
+            >>> "no motion along the path takes less than 0.780241 s" in fastest.bound
+            True
         """
         least = f"takes less than {self.lower_bound:.6g} s"
         if np.isnan(self.lower_bound):
@@ -228,25 +228,6 @@ class FastestMotion(WithNotes):
             "notes": [note.to_dict() for note in self.notes],
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
-
-        Args:
-            path: The file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, tempfile
-            >>> bc.time_optimal("planar_2r", "elbow_up").to_json(tempfile.mkdtemp() + "/fastest.json").name
-            'fastest.json'
-        """
-        return write_json(self.as_dict(), path)
-
     def limits_to_csv(self, path: str | Path) -> Path:
         """Write the path speed, its largest value and the active limit over the path as CSV, units in the header.
 
@@ -272,7 +253,7 @@ class FastestMotion(WithNotes):
         return target
 
     def plot(self, path: str | Path) -> Path:
-        """Draw the path speed below the largest one over the path, coloured by the active limit, as a PNG.
+        """Draw the path speed below the largest one over the path, coloured by the active limit.
 
         Args:
             path: The file.
@@ -290,7 +271,7 @@ class FastestMotion(WithNotes):
         """
         from bellcrank.planning.fastest_plot import plot_fastest
 
-        return plot_fastest(self, path)
+        return plot_fastest(self, arguments.path("path", path, "the path of a picture"))
 
 
 def shares(active: Sequence[str], durations: Array) -> dict[str, float]:

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.planning.result_files import write_figure
-from bellcrank.plot_style import colour, dash, literal, new_figure, place
+from bellcrank.plot_style import colour, dash, literal, new_figure, place, write_figure
 
 if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion
     from bellcrank.planning.speed_scaling import SpeedFactor
 
 
-def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
-    """Write the picture as PNG. Raises InputError where the file cannot be written."""
+def plot_fastest(result: FastestMotion, path: Path) -> Path:
+    """Write the picture in the format of its suffix. Raises InputError where the file cannot be written."""
     figure = new_figure(9.0, 7.0, free=True)
     phase, times = figure.subplots(2, 1, height_ratios=(3, 2))
     s, speed = result.s, result.speed
@@ -47,11 +46,12 @@ def plot_fastest(result: FastestMotion, path: str | Path) -> Path:
     times.grid(True, axis="x", alpha=0.3)
     longest = max(map(len, listed), default=0)
     place(figure, left=max(0.95, 0.2 + 0.07 * longest), top=0.3 + 0.2 * title.count("\n"), between=0.6)
-    return write_figure(figure, path)
+    write_figure(figure, path)
+    return path
 
 
-def plot_factor(result: SpeedFactor, path: str | Path) -> Path:
-    """Write the use of each limit over the factor as PNG. Raises InputError where the file cannot be written."""
+def plot_factor(result: SpeedFactor, path: Path) -> Path:
+    """Write the use of each limit over the factor in the format of its suffix. Raises InputError where it cannot be."""
     figure = new_figure(9.0, 5.0)
     axes = figure.subplots()
     highest = sorted(result.uses, key=lambda name: -float(result.uses[name][-1]))
@@ -68,4 +68,5 @@ def plot_factor(result: SpeedFactor, path: str | Path) -> Path:
     axes.set_title(literal(result.table().splitlines()[0]))
     axes.legend(loc="upper left", fontsize=8)
     axes.grid(True, alpha=0.3)
-    return write_figure(figure, path)
+    write_figure(figure, path)
+    return path

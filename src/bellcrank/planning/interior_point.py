@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import BellcrankError
-from bellcrank.planning.jerk_limits import JerkLimits, Violation
-from bellcrank.planning.squared_speed import LOCAL, PLACES, SHARES, SquaredSpeedSpline
+from bellcrank.planning.jerk_limits import LOCAL, PLACES, SHARES, JerkLimits, SquaredSpeedSpline, Violation
 
 Array = NDArray[np.float64]
 GAP = 1e-9  # of the time: the duality gap at the end

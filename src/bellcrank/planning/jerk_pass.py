@@ -17,10 +17,9 @@ from bellcrank.errors import BellcrankError
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_pass import fastest_on_grid
 from bellcrank.planning.interior_point import InteriorPoint, OptimalSpeed
-from bellcrank.planning.jerk_limits import JerkLimits
+from bellcrank.planning.jerk_limits import PLACES, JerkLimits, SquaredSpeedSpline
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.path_limits import PathLimits
-from bellcrank.planning.squared_speed import PLACES, SquaredSpeedSpline
 from bellcrank.robot.joints import one_degree_columns
 
 Array = NDArray[np.float64]

@@ -15,6 +15,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.blends import blended, straight
 from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.motion import AT_REST
+from bellcrank.motion.quintic_spline import QuinticSpline
 from bellcrank.robot.joints import JointLike, one_degree_columns, quaternion_part, require_one_degree
 
 if TYPE_CHECKING:
@@ -257,7 +258,7 @@ def _path_between(motion: Motion, begin: float, end: float) -> JointPath:
 
 
 def _interpolated(motion: Motion, begin: float, end: float, count: int) -> JointPath:
-    from scipy.interpolate import PchipInterpolator, make_interp_spline
+    from scipy.interpolate import PchipInterpolator
 
     fine = np.linspace(begin, end, 8 * count + 1)
     speed = np.linalg.norm(motion.at(fine)[1], axis=1)
@@ -270,18 +271,18 @@ def _interpolated(motion: Motion, begin: float, end: float, count: int) -> Joint
     times[0], times[-1] = begin, end
     through = motion.at(times)[0]
     through *= continuous(motion.joints, through)
-    spline = make_interp_spline(places, through, k=5)
+    spline = QuinticSpline.through(places, through, rest=False)
 
     positions, rates = one_degree_columns(motion.joints)
 
     def at(s: Array, order: int) -> Array:
         if all(joint.nq == 1 for joint in motion.joints):
-            return np.asarray(spline(s, nu=order))
+            return spline(s, order)
         if order > 2:
             third = np.full((len(s), sum(joint.nv for joint in motion.joints)), np.nan)
-            third[:, rates] = np.asarray(spline(s, nu=order))[:, positions]
+            third[:, rates] = spline(s, order)[:, positions]
             return third
-        return from_rates(motion.joints, *(np.asarray(spline(s, nu=k)) for k in (0, 1, 2)))[order]
+        return from_rates(motion.joints, *(spline(s, k) for k in (0, 1, 2)))[order]
 
     between = (places[1:] + places[:-1]) / 2.0
     exact, found = motion.at(np.clip(when(between), begin, end))[0], at(between, 0)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.motor_limits import MotorLimits
-from bellcrank.planning.torque_speed_limits import Polyline
+from bellcrank.planning.motor_limits import MotorLimits, Polyline
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint

@@ -19,12 +19,10 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.mechanism import Mechanism
-from bellcrank.planning.driven_axes import DrivenAxes
-from bellcrank.planning.known_places import PathPlaces
 from bellcrank.planning.limit_rows import CountedLimits, LimitRows, NamedLimit, limit_rows
 from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.motor_limits import MotorLimits
-from bellcrank.planning.path_torques import PathTerms, PathTorques
+from bellcrank.planning.motor_limits import DrivenAxes, MotorLimits
+from bellcrank.planning.path_torques import PathPlaces, PathTerms, PathTorques
 from bellcrank.planning.tool_limits import NormCoefficients, ToolLimits
 from bellcrank.sizing.one_sided import ONE_SIDE
 

@@ -128,7 +128,7 @@ class SpeedFactor(WithNotes):
         return "\n".join(lines)
 
     def plot(self, path: str | Path) -> Path:
-        """Draw the use of each limit over the factor, as a PNG.
+        """Draw the use of each limit over the factor.
 
         Args:
             path: The file.
@@ -146,7 +146,7 @@ class SpeedFactor(WithNotes):
         """
         from bellcrank.planning.fastest_plot import plot_factor
 
-        return plot_factor(self, path)
+        return plot_factor(self, arguments.path("path", path, "the path of a picture"))
 
 
 @arguments.named

@@ -80,9 +80,10 @@ def replay(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page; default: the name of the scene, motion, sizing or selection.
         plots: Whether plots stand beside the 3-D view.
-        live: Whether the page computes: the reader of a sizing changes payloads, speeds, ratios and friction, and sees
-            torques, margins and the verdict; that of a run changes parameters and the start, and sees the run anew.
-            Default: where the page can, and grows by less than 400 kB.
+        live: Whether the page computes: the reader of a sizing changes parameters, payloads, speeds, ratios and
+            friction, and sees torques, margins and the verdict; that of a selection chooses motors and gears too; that
+            of a run changes parameters and the start, and sees the run anew. Default: where the page can, and grows by
+            less than 400 kB.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -198,7 +199,7 @@ def film_of(
         if isinstance(source, Sizing):
             return film_of_sizing(source, **options, live=live)
         if isinstance(source, Selection):
-            return film_of_selection(source, **options)
+            return film_of_selection(source, **options, live=live)
         if isinstance(source, FastestMotion):
             return film_of_fastest(source, robot, **options)
         if isinstance(source, Motion):

@@ -12,6 +12,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING
 
 from bellcrank.codegen.llvm import processor
+from bellcrank.config.units import RPM
 from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
 from bellcrank.version import version
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
-
-RPM = 30.0 / math.pi
 
 
 def robot_facts(robot: Robot) -> list[tuple[str, str]]:

@@ -59,7 +59,9 @@ def report(
         detail: "reduced" simplifies meshes without visible loss, "full" keeps all faces.
         title: The title of the page. Default: the name of the scene, sizing or selection.
         live: Whether the page computes, as `replay` has it. Verdict, tables and pictures of the report stay those of
-            the sizing or run, and the page says so while values are changed. Default: where it adds less than 400 kB.
+            the sizing or run, and the page says so while values are changed. Default: where it adds less than 400 kB,
+            and not of a sweep. That of a sweep computes a design that is clicked, and those between, in place of
+            motions that it keeps of some; all that is varied must be a value that such a page can change.
         trust: With the path of a run, folders whose meshes it may name, besides its own folder.
 
     Returns:
@@ -79,7 +81,7 @@ def report(
     if isinstance(source, Sweep):
         if over is not None:
             raise InputError("argument 'over': a sweep has no motion to show another one over; give a run of each")
-        return _report_sweep(source, path, measures, limits, title, (trace, detail, trust))
+        return _report_sweep(source, path, measures, limits, title, (trace, detail, trust), live)
     if measures is not None or arguments.several("limits", limits, str, "limits", alone=True):
         raise InputError("arguments 'measures' and 'limits': they are for a sweep, and 'source' is none")
     if isinstance(source, (str, Path)):
@@ -99,7 +101,7 @@ def report(
     title = title or None
     if path is not None:
         path = arguments.path("path", path, "the path of a page")
-    computes = live if other is None else False
+    computes = live if other is None and not isinstance(result, Selection) else False
     film = film_of(result, trace=trace, detail=detail, title=name if title is None else title, live=computes)
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
     if other is not None:
@@ -138,6 +140,7 @@ def _report_sweep(
     limits: Iterable[str],
     title: str | None,
     options: tuple[Iterable[str], Detail, Trust],
+    live: bool | None,
 ) -> Path:
     from bellcrank.reports.study_report import write_study
 
@@ -151,6 +154,7 @@ def _report_sweep(
         limits=arguments.several("limits", limits, str, "limits", alone=True),
         title=title if title is None else arguments.text("title", title, empty=True) or None,
         view=View(trace=arguments.several("trace", trace, str, "names of frames", alone=True), detail=detail),
+        live=live is not None and arguments.flag("live", live),
     )
 
 

@@ -30,7 +30,7 @@ from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.result import SizingInputs
+    from bellcrank.sizing.joint_histories import SizingInputs
     from bellcrank.studies.exceedance import Limit
     from bellcrank.studies.sweep_result import Sweep
 
@@ -140,10 +140,37 @@ def encoded_study(
         count = max(1, min(count - 1, int(0.95 * count * LARGEST / len(arrays))))
 
 
+def encoded_live_study(
+    sweep: Sweep, settings: Sequence[dict[str, Any]], measures: Sequence[str], limits: Sequence[Limit]
+) -> tuple[str, str]:
+    """The JSON text of a study whose designs the page computes, and its block of arrays; see LiveStudy."""
+    able = [name != INFEASIBLE for name in sweep.columns.statuses]
+    rows = representative_rows([], np.flatnonzero(np.array(able)[sweep.columns.status]), MOST_DESIGNS)
+    return _encoded_rows(sweep, rows, measures, limits, lambda arrays, plotted: {
+        "settings": list(settings), "values": sweep.values[plotted].tolist(), "motions": [], "traced": [],
+        "hint": _live_hint(len(sweep), len(plotted)),
+    })  # fmt: skip
+
+
 def _encoded(
     sweep: Sweep, film: StudyFilm, measures: Sequence[str], limits: Sequence[Limit], count: int
 ) -> tuple[str, str]:
-    rows = film.rows[:count]
+    return _encoded_rows(sweep, film.rows[:count], measures, limits, lambda arrays, plotted: {
+        "settings": None,
+        "motions": encode_motions(film.designs.film, film.designs.motions[:count], arrays),
+        "traced": list(film.designs.traced),
+        "hint": _hint(len(sweep), len(plotted), count),
+    })  # fmt: skip
+
+
+def _encoded_rows(
+    sweep: Sweep,
+    rows: Rows,
+    measures: Sequence[str],
+    limits: Sequence[Limit],
+    motions: Callable[[ArrayEncoder, Rows], dict[str, Any]],
+) -> tuple[str, str]:
+    """The data of a study in which designs `rows` can be shown, with what moves them, given the rows that are drawn."""
     plotted = np.unique(np.concatenate([rows, representative_rows([], np.arange(len(sweep)), MOST_DESIGNS)]))
     arrays, columns = ArrayEncoder(), sweep.columns
     reasons = list(dict.fromkeys(columns.reasons.get(row, "") for row in plotted.tolist()))
@@ -162,11 +189,9 @@ def _encoded(
         "reason": arrays.add_integers(np.array([number[columns.reasons.get(row, "")] for row in plotted.tolist()])),
         "reasons": [readable(reason) for reason in reasons],
         "shown": arrays.add_integers(np.searchsorted(plotted, rows)),
-        "motions": encode_motions(film.designs.film, film.designs.motions[:count], arrays),
-        "traced": list(film.designs.traced),
         "limits": [dataclasses.asdict(limit) for limit in limits],
         "chosen": _choice(len(sweep.axes), len(measures)),
-        "hint": _hint(len(sweep), len(plotted), count),
+        **motions(arrays, plotted),
     }
     return safe_json(data), arrays.text()
 
@@ -175,6 +200,11 @@ def _choice(axes: int, measures: int) -> dict[str, int]:
     """The columns of the map at first: two axes coloured by the first measure, or one measure over the only axis."""
     first = axes if measures else 0
     return {"x": 0, "y": 1 if axes > 1 else first, "colour": first}
+
+
+def _live_hint(designs: int, plotted: int) -> str:
+    drawn = f"{plotted:,} of {designs:,} designs are drawn. " if plotted < designs else ""
+    return f"{drawn}A design that is clicked is computed here, and so are those between, with the sliders below."
 
 
 def _hint(designs: int, plotted: int, movable: int) -> str:

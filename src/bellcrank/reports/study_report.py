@@ -15,7 +15,8 @@ from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.document_html import document_html
 from bellcrank.reports.input_tables import about, made_with
-from bellcrank.reports.study_data import DEFAULT_VIEW, StudyFilm, View, encoded_study, study_film
+from bellcrank.reports.live_study import live_study
+from bellcrank.reports.study_data import DEFAULT_VIEW, View, encoded_live_study, encoded_study, study_film
 from bellcrank.studies.exceedance import Exceedance, interval_text, missing_text, parse_limit
 from bellcrank.studies.sample_statistics import TABLE_LEVELS
 from bellcrank.studies.sensitivity import index_text
@@ -25,7 +26,6 @@ from bellcrank.studies.tolerance import Estimate, figure
 from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
-    from bellcrank.studies.exceedance import Limit
     from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sweep_result import Sweep
@@ -45,6 +45,7 @@ def write_study(
     limits: Sequence[str] = (),
     title: str | None = None,
     view: View = DEFAULT_VIEW,
+    live: bool = False,
 ) -> Path:
     """Write the page of a study.
 
@@ -55,13 +56,14 @@ def write_study(
         limits: Limits such as "lock.time > 13 s".
         title: The title of the page; by default the name of the scene.
         view: How the designs are drawn.
+        live: Whether the page computes designs, instead of keeping motions of some.
 
     Returns:
         The path of the file.
 
     Raises:
         InputError: No design could be run, a measure or limit is unknown, limits are given and the designs are not a
-            sample, or the file cannot be written.
+            sample, the page cannot compute the designs, or the file cannot be written.
     """
     read = [parse_limit(limit, sweep.units, "limit") for limit in limits]
     names = (*(measures or sweep.default_measures), *(limit.measure for limit in read))
@@ -71,10 +73,19 @@ def write_study(
     statistics = _statistics(sweep, needed=bool(limits))
     sensitivity = sweep_sensitivity(sweep) if isinstance(sweep.space.sample, SensitivitySample) else None
     found = [statistics.exceedance(limit) for limit in limits] if statistics is not None else []
-    with share_bar("motions of designs") as progress:
-        film = study_film(sweep, shown, title=title or sweep.scene.name, view=view, progress=progress)
-    document = study_document(sweep, film, shown, found, statistics, sensitivity)
-    return write_page(film.designs.film, path, plots=False, around=_surroundings(sweep, film, shown, read, document))
+    name = title or sweep.scene.name
+    if live:
+        made = live_study(sweep, title=name, view=view)
+        data, film = encoded_live_study(sweep, made.settings, shown, read), made.film
+        still = Still(0.0, "The scene of the study, at the start")
+    else:
+        with share_bar("motions of designs") as progress:
+            designs = study_film(sweep, shown, title=name, view=view, progress=progress)
+        data, film = encoded_study(sweep, designs, shown, read)[:2], designs.designs.film
+        end = float(designs.designs.motions[0].time[-1])
+        still = Still(end, "A design whose first measure is the median of all, at its end")
+    document = study_document(sweep, name, still, shown, found, statistics, sensitivity)
+    return write_page(film, path, plots=live, around=_surroundings(document, *data))
 
 
 def _statistics(sweep: Sweep, *, needed: bool) -> SampleStatistics | None:
@@ -87,11 +98,8 @@ def _statistics(sweep: Sweep, *, needed: bool) -> SampleStatistics | None:
         return None
 
 
-def _surroundings(
-    sweep: Sweep, film: StudyFilm, measures: Sequence[str], limits: Sequence[Limit], document: Document
-) -> Surroundings:
+def _surroundings(document: Document, study: str, arrays: str) -> Surroundings:
     before, after = document_html(document)
-    study, arrays, _ = encoded_study(sweep, film, measures, limits)
     data = f'<script type="application/json" id="study">{study}</script>'
     data += f'<script type="text/plain" id="study-arrays">{arrays}</script>'
     return Surroundings(
@@ -104,7 +112,8 @@ def _surroundings(
 
 def study_document(
     sweep: Sweep,
-    film: StudyFilm,
+    title: str,
+    still: Still,
     measures: Sequence[str],
     found: Sequence[Exceedance],
     statistics: SampleStatistics | None,
@@ -133,11 +142,10 @@ def study_document(
             parts.append(index_table(sensitivity, varying))
     parts += [axis_table(sweep), status_table(sweep), Facts("Made with", (("scene", sweep.scene.source.name), *made))]
     failed = len(sweep) - sweep.finished
-    first = film.designs.motions[0]
     sample = sweep.space.sample
     kind = "grid of all combinations" if sample is None else sample.identity
     return Document(
-        title=film.designs.film.title,
+        title=title,
         status=_status(sweep, found),
         success=bool(sweep.finished),
         partial=bool(failed) or not sweep.complete or any(one.exceeded for one in found),
@@ -148,7 +156,7 @@ def study_document(
             *(note for note in sweep.notes if note.matter != "reached"),
             *([sample.note] if sample is not None and sample.note else []),
         ),
-        still=Still(float(first.time[-1]), "A design whose first measure is the median of all, at its end"),
+        still=still,
         parts=tuple(parts),
     )
 

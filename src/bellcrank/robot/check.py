@@ -8,11 +8,21 @@ from pathlib import Path
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.robot.element_checks import joint_findings, link_findings
-from bellcrank.robot.finding import ORDER, SHOWN, Finding, format_findings, listed, without_source
-from bellcrank.robot.mass_checks import articulated_findings, massless_findings, moving_without_mass
+from bellcrank.robot.element_checks import (
+    ORDER,
+    SHOWN,
+    Finding,
+    articulated_findings,
+    format_findings,
+    joint_findings,
+    link_findings,
+    listed,
+    massless_findings,
+    moving_without_mass,
+    without_source,
+)
+from bellcrank.robot.file_readers import read_robot_file, root_tag
 from bellcrank.robot.mesh_path import find_mesh, looked_for
-from bellcrank.robot.robot_file import read_robot_file, root_tag
 from bellcrank.robot.urdf_elements import JOINT_TYPES, MIMICKED, origin_from
 from bellcrank.robot.urdf_file import Joint, Link, Urdf, reading_of
 from bellcrank.robot.xml_tree import Element, parse_xml, read_text

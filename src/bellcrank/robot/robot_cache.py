@@ -136,8 +136,7 @@ def _read(text: str, source: Path, options: LoadOptions) -> RobotData:
     from dataclasses import replace
 
     from bellcrank.robot.articulated_inertia import articulated_inertias, vanishing_inertia
-    from bellcrank.robot.element_checks import element_findings
-    from bellcrank.robot.mass_checks import moving_without_mass
+    from bellcrank.robot.element_checks import element_findings, moving_without_mass
     from bellcrank.robot.pinocchio_model import pinocchio_model
     from bellcrank.robot.tree_layout import tree_of_model
     from bellcrank.robot.urdf_file import Urdf

@@ -28,6 +28,7 @@ from bellcrank.robot.xml_tree import parse_xml, read_text
 MOST_EVALUATIONS: Final = 200_000
 MOST_LETTERS: Final = 2_000  # of an expression
 MOST_POWER: Final = 64
+MOST_VALUE: Final = 1_000_000  # characters of a text, or entries of a list, that an expression stands for
 _NODES: Final = (
     ast.Expression, ast.Constant, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp,
     ast.Call, ast.keyword, ast.Attribute, ast.Subscript, ast.Slice, ast.List, ast.Tuple, ast.Dict, ast.operator,
@@ -126,7 +127,11 @@ def _restricted(source: Path, access: FileAccess, declared: set[str]) -> Iterato
         if count > MOST_EVALUATIONS:
             raise InputError(f"{source}: xacro: more than {MOST_EVALUATIONS} expressions are evaluated")
         _check(expression, source)
-        return evaluate(expression, *scopes)
+        value = evaluate(expression, *scopes)
+        if isinstance(value, (str, list, tuple)) and len(value) > MOST_VALUE:
+            kind = "characters" if isinstance(value, str) else "entries"
+            raise InputError(f"{source}: xacro: more than {MOST_VALUE} {kind} in the value of '{expression[:40]}'")
+        return value
 
     def located(name: str) -> str:
         current = Path(xacro.filestack[-1])

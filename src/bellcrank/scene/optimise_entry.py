@@ -23,9 +23,12 @@ class OptimiseEntry:
         maximise: The measures to be made large.
         limits: Conditions on measures, such as "lock.crank <= 120 deg".
         size: Whether designs are sized instead of simulated.
+        fastest: Whether their fastest motions are found, instead.
         samples: The number of designs of the global search.
         starts: The number of local searches.
         seed: Of the sample.
+        tolerances: Distributions of deviations by parameter or path, as written.
+        robust: How a design is judged within them: "worst" or "mean + k sd".
         points: The number of values of each other objective along a front.
         place: Where it is written, for messages.
     """
@@ -35,10 +38,13 @@ class OptimiseEntry:
     maximise: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
     size: bool | None = None
+    fastest: bool | None = None
     samples: int | None = None
     starts: int | None = None
     seed: int | None = None
     points: int | None = None
+    tolerances: Mapping[str, str] = field(default_factory=dict)
+    robust: str | None = None
     place: Fields | None = field(default=None, compare=False, repr=False)
 
 
@@ -75,6 +81,12 @@ def read_optimise(read: Fields) -> OptimiseEntry:
     limits = read.raw("limits", [])
     if not isinstance(limits, list) or not all(isinstance(limit, str) for limit in limits):
         raise read.error("limits", f"expected a list such as ['lock.crank <= 120 deg'], found {format_value(limits)}")
+    around = read.mapping("tolerances", {})
+    tolerances = {path: around.raw(path) for path in around}
+    for path, text in tolerances.items():
+        if not isinstance(text, str):
+            what = "a distribution of deviations, such as uniform(-1 mm, 1 mm)"
+            raise around.error(path, f"expected {what}, found {format_value(text)}")
     counts: dict[str, int | None] = {}
     for name, least, most in (
         ("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9), ("points", 2, MOST_POINTS),
@@ -88,10 +100,13 @@ def read_optimise(read: Fields) -> OptimiseEntry:
         maximise=maximise,
         limits=tuple(limits),
         size=read.flag("size", False) if "size" in read else None,
+        fastest=read.flag("fastest", False) if "fastest" in read else None,
+        tolerances=tolerances,
+        robust=read.text("robust") if "robust" in read else None,
         place=read,
         **counts,
     )
-    read.known("minimise", "maximise", "size", "samples", "starts", "seed", "points")
+    read.known("minimise", "maximise", "size", "fastest", "samples", "starts", "seed", "points", "tolerances", "robust")
     read.done()
     return found
 

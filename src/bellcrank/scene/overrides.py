@@ -156,7 +156,7 @@ def _longest(at: Mapping[str, Any], keys: list[str]) -> int:
 
 def _new(inside: str, keys: list[str]) -> int:
     """The number of leading keys that, joined by dots, form the key to add to the mapping under the key `inside`."""
-    if inside == "" or (inside == "initial" and keys[0] == "velocity") or keys[0] in START_KEYS:
+    if inside == "" or (inside == "initial" and keys[0] == "velocity") or keys[0] in (*START_KEYS, "placement"):
         return 1
     if inside == "initial" and (inner := next((k for k, key in enumerate(keys) if key in START_KEYS), 0)):
         return inner  # the keys before it are the name of the joint

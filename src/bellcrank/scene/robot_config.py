@@ -42,8 +42,7 @@ from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.notes import MATTERS, OMISSIONS, Matter, Note, Omission
 from bellcrank.robot import catalog
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.robot_file_entries import CHOICES, with_robot_file, xacro_values
-from bellcrank.scene.robot_path import robot_access, robot_path
+from bellcrank.scene.robot_file_entries import CHOICES, robot_access, robot_path, with_robot_file, xacro_values
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
 from bellcrank.text import readable
 
@@ -158,8 +157,8 @@ class RobotConfig:
             >>> bc.load_robot_config("planar_2r").robot()
             Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
         """
+        from bellcrank.robot.file_readers import read_robot_file
         from bellcrank.robot.load import load_options, robot_of
-        from bellcrank.robot.robot_file import read_robot_file
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")
         try:

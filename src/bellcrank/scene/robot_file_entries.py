@@ -15,7 +15,10 @@ from typing import Any, Final
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
+from bellcrank.messages import unknown_name
 from bellcrank.notes import as_note
+from bellcrank.robot import catalog
+from bellcrank.robot.file_readers import read_robot_file
 from bellcrank.robot.gepetto_file import read_gepetto
 from bellcrank.robot.joint_types import motor_notes, with_joint_types, without_motor
 from bellcrank.robot.load import xacro_text
@@ -31,10 +34,9 @@ from bellcrank.robot.robot_file import (
     Loop,
     RobotFile,
     SphericalSpring,
-    read_robot_file,
 )
-from bellcrank.scene.robot_path import robot_path
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
+from bellcrank.text import file_name_here
 
 SPRING: Final = ("stiffness", "damping", "free_length")  # numbers of a spring, and of a bushing
 BUSHING: Final = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")
@@ -242,3 +244,35 @@ def _start(file: RobotFile) -> dict[str, Any]:
         else:
             found[joint] = {"position": entry(list(numbers[:3])), "quaternion_xyzw": entry(list(numbers[3:]))}
     return found
+
+
+# ---- The robot file that the key `urdf` of a configuration names.
+
+
+def robot_path(fields: Fields) -> Path:
+    """The path of the file that the key `urdf` names by a path or by the name of a robot. Raises InputError."""
+    text = fields.text("urdf")
+    path_like = Path(text).suffix in catalog.SUFFIXES or "/" in text
+    named = None if path_like or _is_there(fields.access.folder / file_name_here(text)) else catalog.find_named(text)
+    if named is not None:
+        return named
+    path = fields.file("urdf")
+    if _is_there(path):
+        return path.resolve()
+    if path_like:
+        raise fields.error("urdf", f"there is no file {path}; write a path relative to the configuration's folder")
+    raise fields.error("urdf", unknown_name("robot", text, catalog.names()))
+
+
+def robot_access(fields: Fields, path: Path) -> FileAccess:
+    """Which files the robot file may name."""
+    named = fields.access.by(path)
+    return replace(named, area=path.parent) if fields.overridden("urdf") else named
+
+
+def _is_there(path: Path) -> bool:
+    """Whether the path exists and is not a folder; the file may still be unreadable."""
+    try:
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):
+        return False

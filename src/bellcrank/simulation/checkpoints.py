@@ -36,6 +36,7 @@ from bellcrank.scene.run_contents import (
 )
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import Settings
+from bellcrank.simulation.integration import repeat_run
 from bellcrank.simulation.save_run import (
     event_auxiliary,
     file_contents,
@@ -128,6 +129,7 @@ class CheckpointWriter:
                 steps=0, rejected=0, evaluations=0, jacobians=0, factorisations=0, kernel_time=0.0
             ),
             steps=np.zeros(0),
+            repeat=repeat_run,
         )  # fmt: skip
 
     def add(self, block: StepBlock) -> float:

@@ -16,6 +16,7 @@ from bellcrank.codegen.compile import make_ready
 from bellcrank.codegen.machine_code import raise_failure
 from bellcrank.dynamics.system import system_of
 from bellcrank.simulation.ensemble_problem import EnsembleProblem, EnsembleResult, LaneKernels
+from bellcrank.simulation.held_entries import held_entries
 from bellcrank.simulation.integration import event_search, scene_kernels, state_layout, step_control
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class EnsembleStarts:
         start: Starts x (N, size) that satisfy the constraints.
         duration: s (N,).
         settings: Numbers (N,) of the step control by the names of StepControl, of those that differ.
-        signals: The signals that all of them follow.
+        signals: The signals that all of them follow, without those that each finds by itself.
     """
 
     parameters: Array
@@ -58,9 +59,9 @@ def integrate_ensemble(
 ) -> EnsembleResult:
     """Integrate many runs of a scene, each as `simulate` does, and find the extremes of its observed quantities.
 
-    Explicit methods step as many runs at once as the processor has SIMD lanes; Radau steps one by one, and so does
-    "auto" a run that becomes stiff. A row of the
-    result depends on its own start, parameters and settings alone, to the last bit.
+    Explicit methods step as many runs at once as the processor has SIMD lanes. Radau steps one by one, and so do "auto"
+    a run that becomes stiff, and runs whose forces switch or whose controllers are sampled: each has its own instants.
+    A row of the result depends on its own start, parameters and settings alone, to the last bit.
 
     Args:
         scene: What the runs have in common: equations, signals, events, solver, and settings where `starts` has none.
@@ -73,11 +74,11 @@ def integrate_ensemble(
         The columns; after Ctrl-C they say which runs are done.
     """
     system, settings = system_of(scene), scene.settings
-    implicit = settings.solver == "Radau"
+    alone = settings.solver == "Radau" or bool(scene.held_sources)
     projected = bool(scene.constraints) and settings.stabilisation.kind == "projection"
     problem = EnsembleProblem(
         kernels=scene_kernels(scene, settings, projected, batched=False),
-        lanes=None if implicit else _lane_kernels(scene, system, projected, observe),
+        lanes=None if alone else _lane_kernels(scene, system, projected, observe),
         layout=state_layout(scene),
         control=step_control(settings),
         t1=starts.duration,
@@ -85,6 +86,7 @@ def integrate_ensemble(
         parameters=starts.parameters,
         settings=dict(starts.settings),
         signals=starts.signals,
+        held=held_entries(scene),
         stops=scene.stops,
         events=event_search(scene),
         observed=system.observed_layout.size if observe else 0,

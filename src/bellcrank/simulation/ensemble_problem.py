@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.simulation.integration_problem import EventSearch, Kernels, StateLayout, StepControl
+from bellcrank.simulation.integration_problem import EventSearch, HeldEntries, Kernels, StateLayout, StepControl
 
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
@@ -50,14 +50,15 @@ class EnsembleProblem:
 
     Attributes:
         kernels: The functions for single states, for runs that leave the lanes.
-        lanes: The functions for many states; None: every run is a single one, as with Radau.
+        lanes: The functions for many states; None: every run is a single one, as with Radau and with held entries.
         layout: The parts of a state.
         control: The method, and what `rtol` … `max_evaluations` are where the arrays below do not say.
         t1: Durations (N,), s.
         x0: Starts (N, n).
         parameters: p (N, np).
         settings: Arrays (N,) by the names of StepControl's numbers, such as "rtol", of those that differ.
-        signals: u, as piecewise polynomials of t; the same for all runs.
+        signals: u, as piecewise polynomials of t; the same for all runs, apart from held entries.
+        held: The entries of u after those of the signals, which each run finds; None: there are none.
         stops: Times, s, at which forces jump.
         events: How events are looked for.
         observed: The number m of `observe`'s quantities.
@@ -76,6 +77,7 @@ class EnsembleProblem:
     parameters: Array
     settings: dict[str, Array] = field(default_factory=dict)
     signals: Sequence[Signal] = ()
+    held: HeldEntries | None = None
     stops: Array = field(default_factory=lambda: np.empty(0))
     events: EventSearch = field(default_factory=EventSearch)
     observed: int = 0
@@ -87,7 +89,7 @@ class EnsembleProblem:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EnsembleResult:
-    """What `bellcrank._step.integrate_ensemble` finds: columns, one row a run, E event functions.
+    """What `bellcrank._step.integrate_ensemble` finds: columns, one row a run, E event functions, h held entries.
 
     Attributes:
         done: Whether the run was done (N,); False after Ctrl-C for those that were not, whose other entries are NaN.
@@ -102,6 +104,9 @@ class EnsembleResult:
         undefined: In how many steps an event function was not a number (N, E).
         least: The least value of each observed quantity (N, m).
         largest: The largest value of each (N, m).
+        held_start: The held entries at the start (N, h).
+        held_end: Those at the end (N, h).
+        held_event: Those after the first of each event (N, E, h).
         accepted: Steps (N,).
         rejected: Steps (N,).
         evaluations: Of the right-hand side (N,).
@@ -121,6 +126,9 @@ class EnsembleResult:
     undefined: Whole
     least: Array
     largest: Array
+    held_start: Array
+    held_end: Array
+    held_event: Array
     accepted: Whole
     rejected: Whole
     evaluations: Whole

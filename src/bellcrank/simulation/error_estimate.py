@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from bellcrank._step import methods
 from bellcrank.dynamics.system import system_of
 from bellcrank.scene.settings import FINEST_RTOL
-from bellcrank.simulation.integration import repeat_run
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
@@ -240,7 +239,7 @@ def _repeated(
     if math.isfinite(seconds):
         most = min(most, max(int(cost.evaluations * seconds / max(cost.kernel_time, 1e-9)), 1000))
     settings = replace(settings, duration=float(run.time[-1]), max_evaluations=most)
-    again = repeat_run(run, settings, run.time[run.time > 0.0], p)
+    again = run.repeat(run, settings, run.time[run.time > 0.0], p)
     if again.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return None if again.status is Status.EVALUATIONS_SPENT and math.isfinite(seconds) else again

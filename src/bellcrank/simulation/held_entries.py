@@ -22,7 +22,6 @@ from bellcrank.elements.signals import Signal
 from bellcrank.simulation.integration_problem import HeldEntries
 
 if TYPE_CHECKING:
-    from bellcrank._step import StepResult
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -118,12 +117,16 @@ def _called(scene: Scene, part: FunctionController, first: int, t: float, x: Arr
     return values
 
 
-def found_signals(scene: Scene, result: StepResult) -> tuple[Signal, ...]:
-    """The signals of a scene's held sources, as a run found them."""
+def known_signals(scene: Scene, signals: tuple[Signal, ...]) -> tuple[Signal, ...]:
+    """The signals of a scene without those of its held sources, which follow them."""
+    return signals[: len(signals) - len(scene.held_sources)]
+
+
+def found_signals(scene: Scene, time: Array, values: Array) -> tuple[Signal, ...]:
+    """The signals of a scene's held sources with values (m, h) from the times (m,) s on, as a run found them."""
     widths = [source.width for source in scene.held_sources]
     if not widths:
         return ()
-    time, values = np.array(result.held_time), np.asarray(result.held_values)
     if not len(time):  # the run ended where it began
         time, values = np.zeros(1), np.concatenate([source.start for source in scene.held_sources])[None]
     parts = np.split(values, np.cumsum(widths)[:-1], axis=1)

@@ -33,7 +33,7 @@ from bellcrank.robot.joints import unit_vectors
 from bellcrank.scene.constraint_conditions import ContactLost
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.events import Event, event_at
-from bellcrank.simulation.held_entries import found_signals, function_updates, held_entries
+from bellcrank.simulation.held_entries import found_signals, function_updates, held_entries, known_signals
 from bellcrank.simulation.integration_problem import (
     DerivativeKernels,
     EventSearch,
@@ -109,7 +109,8 @@ class Integration:
     def trajectory(self, result: StepResult, parameters: Array) -> Trajectory:
         """What the integrator found with these parameters as a run. Raises InputError as `run`."""
         raise_failure()
-        signals = (*self.signals, *found_signals(self.scene, result))
+        held = found_signals(self.scene, np.array(result.held_time), np.asarray(result.held_values))
+        signals = (*self.signals, *held)
         status = _STATUSES[result.status]
         if status is Status.INTERRUPTED:
             interruption.cut_short()
@@ -125,7 +126,7 @@ class Integration:
         if not result.finite:
             time, state, status = _finite_rows(time, state, status)
         run = Trajectory(
-            scene, self.settings, time, state, parameters, signals, status, events, statistics, result.steps
+            scene, self.settings, time, state, parameters, signals, status, events, statistics, result.steps, repeat_run
         )
         return until_turned_over(run)
 
@@ -143,12 +144,13 @@ def prepared_integration(
     end = prescribed_motion_end(scene)
     if end is not None and end.time <= duration:
         duration, signals, times = end.time, signals_until(scene, end.time), times[times <= end.time]
-    signals = signals[: len(signals) - len(scene.held_sources)]
+    signals = known_signals(scene, signals)
     refuse_singular_mass_matrix(scene)
     q0, v0 = consistent_start(scene)
     x0 = start_states(scene, q0[None], v0[None], parameters)[0]
     refuse_open_contact(scene, parameters, x0)
-    refuse_impossible_contacts(scene, parameters, q0)
+    for text in impossible_contacts(scene, parameters[None], q0[None]).values():
+        raise InputError(f"{scene.source}: {text}")
     # code for many states at once pays off where an evaluation is cheap beside it
     batched = (
         projected
@@ -320,35 +322,43 @@ def refuse_open_contact(scene: Scene, parameters: Array, x0: Array) -> None:
         raise InputError(f"{scene.source}: {text}")
 
 
-def refuse_impossible_contacts(scene: Scene, parameters: Array, q0: Array) -> None:
-    """Name a joint that starts beyond its stop, or parameters that its friction or stop cannot have (InputError)."""
+def impossible_contacts(scene: Scene, parameters: Array, q: Array) -> dict[int, str]:
+    """The designs with parameters (n, np) and starts q (n, nq) in which a joint is beyond its stop, or whose friction
+    or stop cannot have its parameters, and which one.
+    """
     set_by = {target: k for k, parameter in enumerate(scene.parameters.values()) for target in parameter.sets}
+    found = dict[int, str]()
 
-    def value(part: DryFriction | JointStop, name: str) -> float:
+    def numbers(part: DryFriction | JointStop, name: str) -> Array:
         k = set_by.get(f"force.{part.name}.{name}")
-        return part.number(name) if k is None else float(parameters[k])
+        return np.full(len(q), part.number(name)) if k is None else parameters[:, k]
 
     for part in scene.dry_friction:
-        if part.falls and value(part, "static") < value(part, "coulomb"):
-            raise InputError(
-                f"{scene.source}: joint '{part.held}': static friction {value(part, 'static'):g} is below "
-                f"Coulomb friction {value(part, 'coulomb'):g}; change the parameters"
-            )
-    for stop in scene.stops_of_joints:
-        place = float(q0[stop.joint.q])
-        if value(stop, "restitution") > 1.0:
-            raise InputError(
-                f"{scene.source}: joint '{stop.joint.name}': restitution {value(stop, 'restitution'):g} of its stop is "
-                "above 1; change the parameter"
-            )
-        for end, side in (("lower", 1.0), ("upper", -1.0)):
-            at = value(stop, end)
-            if side * (place - at) < -AT_STOP * max(1.0, abs(at)):
-                unit = joint_unit(stop.joint, "position")
-                raise InputError(
-                    f"{scene.source}: joint '{stop.joint.name}' starts at {place:.9g} {unit}, beyond its {end} stop at "
-                    f"{at:.9g} {unit}; change the start or the stop"
+        if part.falls:
+            static, coulomb = numbers(part, "static"), numbers(part, "coulomb")
+            for row in np.flatnonzero(static < coulomb).tolist():
+                text = (
+                    f"joint '{part.held}': static friction {static[row]:g} is below Coulomb friction "
+                    f"{coulomb[row]:g}; change the parameters"
                 )
+                found.setdefault(row, text)
+    for stop in scene.stops_of_joints:
+        restitution, place, unit = numbers(stop, "restitution"), q[:, stop.joint.q], joint_unit(stop.joint, "position")
+        for row in np.flatnonzero(restitution > 1.0).tolist():
+            text = (
+                f"joint '{stop.joint.name}': restitution {restitution[row]:g} of its stop is above 1; "
+                "change the parameter"
+            )
+            found.setdefault(row, text)
+        for end, side in (("lower", 1.0), ("upper", -1.0)):
+            at = numbers(stop, end)
+            for row in np.flatnonzero(side * (place - at) < -AT_STOP * np.maximum(1.0, np.abs(at))).tolist():
+                text = (
+                    f"joint '{stop.joint.name}' starts at {place[row]:.9g} {unit}, beyond its {end} stop at "
+                    f"{at[row]:.9g} {unit}; change the start or the stop"
+                )
+                found.setdefault(row, text)
+    return found
 
 
 def open_contacts(scene: Scene, parameters: Array, x0: Array) -> dict[int, str]:

@@ -27,13 +27,12 @@ from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.start_equations import start_equations
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.element import joint_unit
-from bellcrank.elements.parameters import parameter_bounds
 from bellcrank.robot.joints import lengths_in_position
 from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
 from bellcrank.scene.free_joint_start import quaternion_of
 from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.integration import event_search, state_layout, step_control
-from bellcrank.simulation.live_settings import Setting, slider_end
+from bellcrank.simulation.live_settings import Setting, parameter_settings, slider_end
 from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
@@ -50,7 +49,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Shown = Callable[["Assembly"], "casadi.SX"]  # begins with T, V and W, J
 KERNELS = (
-    "rhs", "fallback", "project", "project_fallback", "events", "linearised", "rows", "inertia", "start", "shown",
+    "rhs", "fallback", "project", "project_fallback", "events", "linearised", "rows", "inertia", "cosines", "aligned",
+    "start", "shown",
 )  # fmt: skip
 KINDS = ("one", "planar", "floating", "spherical")  # of joints, as in start_search.hpp
 MOST_OPERATIONS = 12_000  # of the right-hand side: all functions of a larger one are more than a page should hold
@@ -113,8 +113,6 @@ def _obstacle(run: Trajectory) -> str:
         return "the scene is stiff, and the page has an explicit solver only"
     if scene.held_sources or system.nz:
         return "the scene has dry friction, stops, drives, sampled controllers or forces with switches"
-    if aligned_constraints(scene):
-        return "welds or hinges close its loops"
     if scene.initial.saved is not None or (scene.constraints and scene.initial.motion is not None):
         return "it starts in the state of another run, or of a motion"
     if any(rule.latch for rule in scene.events):
@@ -151,6 +149,8 @@ def _kernels(scene: Scene, system: System) -> dict[str, Any]:
     if scene.constraints:
         found |= {"fallback": system.fallback, "project": system.project, "linearised": system.linearised}
         found["project_fallback"] = system.project_fallback
+        if aligned_constraints(scene):
+            found |= {"cosines": system.alignment_cosines, "aligned": system.alignment_residual}
         if rows_of(scene).parametric:
             sampling = row_sampling(scene)
             assert sampling.rows_code is not None
@@ -202,29 +202,10 @@ class _Settings:
         self.holds.append(holds)
 
     def _parameters(self) -> None:
-        scene = self._scene
-        parts = (*scene.forces, *scene.control, *scene.constraints)
-        for name, parameter in scene.parameters.items():
-            if any(10 <= place[1] < 16 for place in parameter.places):
-                self.fixed.append(f"parameter {name} keeps its value: moments of inertia depend on each other")
-                continue
-            bounds = parameter_bounds(parameter, scene.robot, parts)
-            least = max((bound.least for bound in bounds), default=-math.inf)
-            value = parameter.value
-            reach = slider_end(abs(value)) if value == 0.0 else 0.5 * abs(value)
-            self._add(
-                ("parameter", name),
-                Setting(
-                    group="parameters",
-                    name=name,
-                    unit=parameter.unit,
-                    value=value,
-                    range=(max(value - reach, least), value + reach),
-                    least=least,
-                    above=any(bound.least == least and not bound.included for bound in bounds),
-                    path=name,
-                ),
-            )
+        found, fixed = parameter_settings(self._scene, self._scene.parameters)
+        self.fixed += fixed
+        for name, made in found.items():
+            self._add(("parameter", name), made)
 
     def _joint(self, joint: RobotJoint) -> None:
         """Position and velocity at the start, of those that are given; without constraints of all joints."""
@@ -415,10 +396,14 @@ class _Numbers:
             self._list(equations.entry_rows)
             self._list(equations.entry_columns)
             self._list(equations.lengths_in_velocity)
+            self._put(equations.cosine_count)
+            self._list(equations.alignment_owners)
+            self._list(equations.sines)
         else:
             self._put(0, 0)
             for numbers in ((), (), [False] * scene.robot.nv):
                 self._list(numbers)
+            self._put(0, 0, 0)
         self._put(len(scene.robot.joints))
         for joint in scene.robot.joints:
             own = free.get(joint.name)

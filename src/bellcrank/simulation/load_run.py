@@ -18,7 +18,7 @@ from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.simulation.drive_gains import tuned
 from bellcrank.simulation.events import event_at
-from bellcrank.simulation.integration import until_turned_over
+from bellcrank.simulation.integration import repeat_run, until_turned_over
 from bellcrank.simulation.run_file_checks import check_arrays, checked_about
 from bellcrank.simulation.trajectory import Trajectory
 from bellcrank.text import file_name_here
@@ -81,6 +81,7 @@ def load_run(path: str | Path, *, trust: Trust = ()) -> Trajectory:
         events=events,
         statistics=about["statistics"],
         steps=arrays["steps"],
+        repeat=repeat_run,
     )
     if file.is_dir():
         run = until_turned_over(run)  # this is done when a run ends

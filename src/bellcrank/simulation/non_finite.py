@@ -135,20 +135,28 @@ def cause(run: Trajectory) -> str:
     return causes(run.scene, (run.time[last], run.state[last], run.parameters[None]), run.signals, ahead)[0]
 
 
-def causes(scene: Scene, last: tuple[Array, Array, Array], signals: tuple[Signal, ...], ahead: Array) -> list[str]:
+def causes(
+    scene: Scene,
+    last: tuple[Array, Array, Array],
+    signals: tuple[Signal, ...],
+    ahead: Array,
+    held: Array | None = None,
+) -> list[str]:
     """The causes of n runs, from the times (n,), states (n, size) and parameters (n, np) of their `last` finite rows.
 
-    They are looked for at times `ahead` (n, k), s, of these.
+    They are looked for at times `ahead` (n, k), s, of these. `held` (n, h): what follows the signals in u.
     """
     system, (time, state, p) = system_of(scene), last
     count, steps = ahead.shape
+    held = np.zeros((count, 0)) if held is None else held
     with np.errstate(all="ignore"):
         rhs = system.fallback if scene.constraints else system.rhs
-        rate = rhs(time[:, None], state, values_at(signals, time), p)
+        rate = rhs(time[:, None], state, np.hstack([values_at(signals, time), held]), p)
         rate = np.where(np.isfinite(rate), rate, 0.0)
         times = (time[:, None] + ahead).ravel()
         states = (state[:, None] + ahead[:, :, None] * rate[:, None]).reshape(count * steps, -1)
-        arguments = times[:, None], states, values_at(signals, times), np.repeat(p, steps, axis=0)
+        inputs = np.hstack([values_at(signals, times), np.repeat(held, steps, axis=0)])
+        arguments = times[:, None], states, inputs, np.repeat(p, steps, axis=0)
         found: list[tuple[NDArray[np.bool_], list[str]]] = []
         if scene.constraints:
             _, gap, speed = system.constraint(*arguments)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.aligned_constraints import aligned_constraints
-from bellcrank.dynamics.consistent_starts import consistent_postures, consistent_velocities
+from bellcrank.dynamics.consistent_start import consistent_postures, consistent_velocities
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.dynamics.system import start_states
 from bellcrank.elements.parameters import parameter_bounds

@@ -12,12 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import writing
-from bellcrank.messages import unknown_name
 from bellcrank.plot_style import (
     DASHES,
-    DPI,
     PALETTE,
     colour,
     dash,
@@ -26,7 +22,7 @@ from bellcrank.plot_style import (
     new_figure,
     place,
     plain,
-    save_figure,
+    write_figure,
 )
 from bellcrank.simulation.plot_panels import Panel, extremes, run_panels, shown_unit
 
@@ -66,20 +62,12 @@ def plot_run(run: Trajectory, path: str | Path | None = None, frame: str | None 
     """
     if not hasattr(run, "state"):
         arguments.refuse("run", "a run, as bc.simulate returns", run)
-    if path is not None:
-        path = arguments.path("path", path, "the path of a picture")
+    path = arguments.picture(path)
     if frame is not None:
         arguments.text("frame", frame, "the name of a frame")
     with np.errstate(all="ignore"):  # numbers may overflow at the end of a run
         figure = _over_time(run, run_panels(run)) if frame is None else _frame_path(run, frame)
-    if path is not None:
-        kind = Path(path).suffix.removeprefix(".").lower() or "png"
-        known = figure.canvas.get_supported_filetypes()
-        if kind not in known:
-            raise InputError(f"{path}: {unknown_name('picture format', kind, sorted(known))}")
-        with writing(path) as temporary:
-            save_figure(figure, temporary, kind, dpi=DPI)
-    return figure
+    return write_figure(figure, path)
 
 
 def run_pages(run: Trajectory, most: int = 6) -> list[Figure]:

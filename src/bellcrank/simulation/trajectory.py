@@ -28,6 +28,7 @@ from bellcrank.simulation.status import Status
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bellcrank.scene.settings import Settings
     from bellcrank.simulation.constraint_rank import ConstraintRank
     from bellcrank.simulation.error_estimate import Accuracy
     from bellcrank.simulation.sensitivities import ComputedSensitivities, RunSensitivity
@@ -56,6 +57,7 @@ class Trajectory(StateHistory):
         statistics: What the run cost.
         steps: Start, then the ends of the solver's steps, s; of more than 100,000 steps every 2nd, 4th, … end and the
             last.
+        repeat: What integrates the run's scene again, with other settings, rows and parameters, for its error estimate.
 
     Example:
         >>> import bellcrank as bc
@@ -70,6 +72,7 @@ class Trajectory(StateHistory):
     events: tuple[Event, ...]
     statistics: Statistics
     steps: Array
+    repeat: Callable[[Trajectory, Settings, Array, Array], Trajectory]
 
     def __repr__(self) -> str:
         rows = f"{len(self.time)} rows{', not all results are finite' if self.non_finite else ''}"

@@ -1,7 +1,8 @@
 """Peak loads of many designs of one mechanism along a motion.
 
 The points are those of one grid, made for the mechanism itself and for designs in which one parameter differs at a
-time, so that torques are integrated as `bellcrank.size` does (sizing/motion_grid.py). Torques come from a compiled
+time, so that torques are integrated as `bellcrank.size` does (sizing/motion_grid.py); where a design's torque changes
+its sign within a part, shaft torques are integrated on both sides of that. Torques come from a compiled
 function with the parameters of each design; peaks between the points are refined for many designs at once
 (sizing/series_maxima.py). Designs follow the motion, perhaps in other times, or motions of their own that are as smooth
 (sizing/motion_states.py).
@@ -24,9 +25,10 @@ from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.motion_grid import Grid, coarse_grid_along, reversal_times, with_probes
+from bellcrank.sizing.motion_grid import GAUSS, NOISE, ROUNDED, Grid, coarse_grid_along, reversal_times, with_probes
 from bellcrank.sizing.motion_states import MotionStates
 from bellcrank.sizing.series_maxima import Brackets, brackets_of, refined
+from bellcrank.sizing.waypoint_states import OwnGrid
 
 Array = NDArray[np.float64]
 Index = Any  # what selects designs or motors: numbers, or arrays of them
@@ -108,7 +110,8 @@ class DesignInputs:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DesignPeaks:
     """Peaks of n designs at k motors, and at the shafts of those with known shaft torque; all at least 0 but
-    `min_torque`. `finite` (n,) says where torques are numbers below 1e100.
+    `min_torque`. `finite` (n,) says where torques are numbers below 1e100, and a design's own grid is fine enough for
+    them.
     """
 
     max_torque: Array
@@ -144,25 +147,30 @@ class DesignMotion:
 
     def peaks(self, designs: DesignInputs) -> DesignPeaks:
         """The peaks of designs. Those of one do not depend on the others, to the last bit."""
-        grid, k, n = self.grid, len(self.columns), len(designs)
+        k, n = len(self.columns), len(designs)
         count = 3 * k + 2 * len(designs.joints)
         top, finite = np.zeros((n, count)), np.zeros(n, dtype=bool)
         rms, rms_shaft = np.zeros((n, k)), np.zeros((n, len(designs.joints)))
         found: list[Brackets] = []
         for d in range(n):
-            q, v, a = designs.states.on_grid(d)
-            torque = self.torques(grid.force_time, q, v, a, designs.parameters[d]).T
-            torque = np.ascontiguousarray(torque - designs.rotor_inertia[:, None] * a.T[self.columns])
-            if not (np.abs(torque) < LARGEST).all():
+            grid = designs.states.on_grid(d)
+            v, a = grid.velocity.T[self.columns], grid.acceleration.T[self.columns]
+            torque = self.torques(
+                grid.force_time, grid.position, grid.velocity, grid.acceleration, designs.parameters[d]
+            ).T
+            torque = np.ascontiguousarray(torque - designs.rotor_inertia[:, None] * a)
+            if not (np.abs(torque) < LARGEST).all() or (isinstance(grid, OwnGrid) and not grid.settled(torque)):
                 continue
-            table = self._series(designs, d, torque, (v.T[self.columns], a.T[self.columns]))
+            table = self._series(designs, d, torque, (v, a))
             finite[d] = np.isfinite(table).all()
             if not finite[d]:
                 continue
             top[d] = table.max(axis=1)
-            rms[d] = _root_mean_square(grid.weight, torque, self.motion.duration)
+            duration = float(grid.time[-1] - grid.time[0])
+            rms[d] = _root_mean_square(grid.weight, torque, duration)
             shaft = table[3 * k : 3 * k + len(designs.joints)]
-            rms_shaft[d] = _root_mean_square(grid.weight, shaft, self.motion.duration)
+            more = self._missed_at_zeros(designs, d, grid.weight, (torque, v, a), shaft)
+            rms_shaft[d] = _root_mean_square(grid.weight, shaft, duration, more)
             brackets = brackets_of(grid.time, table)
             found.append(Brackets(brackets.series + d * count, brackets.time, brackets.value))
         self._refine(designs, top, found)
@@ -180,6 +188,46 @@ class DesignMotion:
         limited = np.array([one.has_limits for one in designs.actuators], dtype=bool)
         use[~limited] = 0.0
         return np.concatenate([torque, -torque, np.abs(torque * motion[0]), np.abs(shaft), use])
+
+    def _missed_at_zeros(
+        self, designs: DesignInputs, d: int, weight: Array, loads: tuple[Array, Array, Array], shaft: Array
+    ) -> Array:
+        """What the integrals of squared shaft torques (c, n) of one design lack (c,), because parts of its grid do
+        not end where a joint's torque changes its sign, and the losses of its gear with it. In such a part torque,
+        speed and acceleration are parabolas through the points of Gauss's rule, which is applied to both sides of the
+        zeros.
+        """
+        of, missed = designs.joints, np.zeros(len(designs.joints))
+        inner = np.flatnonzero(weight > 0.0).reshape(-1, 3)  # the points of Gauss's rule in each part
+        at = [line[of][:, inner] for line in loads]
+        low, middle, high = np.moveaxis(at[0], 2, 0)
+        bend, slope = (low + high - 2.0 * middle) / (2.0 * GAUSS**2), (high - low) / (2.0 * GAUSS)
+        with np.errstate(all="ignore"):
+            root = -0.5 * (slope + np.copysign(np.sqrt(slope**2 - 4.0 * bend * middle), slope))
+            zeros = np.stack([root / bend, middle / root])  # of a parabola, without cancellation
+        zeros = np.sort(np.clip(np.nan_to_num(zeros, nan=0.5, posinf=0.5, neginf=-0.5), -0.5, 0.5), axis=0)
+        size = np.abs(at[0]).max(axis=2)
+        largest = size.max(axis=1, initial=0.0)
+        certain = size > np.where(largest > NOISE * largest.max(initial=0.0), ROUNDED * largest, np.inf)[:, None]
+        series, part = np.nonzero((np.abs(zeros) < 0.5).any(axis=0) & certain)
+        if not len(part):
+            return missed
+        ends = np.full(len(part), 0.5)
+        edges = np.stack([-ends, *zeros[:, series, part], ends])
+        length = np.diff(edges, axis=0)[:, :, None]
+        place = 0.5 * (edges[1:] + edges[:-1])[:, :, None] + length * GAUSS * np.array([-1.0, 0.0, 1.0])
+        lines = []
+        for line in at:
+            before, centre, after = line[series, part].T[:, None, :, None]
+            curve, rise = (before + after - 2.0 * centre) / (2.0 * GAUSS**2), (after - before) / (2.0 * GAUSS)
+            lines.append(centre + place * (rise + place * curve))
+        lines[1] = np.copysign(lines[1], at[1][series, part, 1][:, None])  # speeds keep their sign in a part
+        there = designs.trains[d, series[:, None]].shaft_torque(*lines)
+        weight = weight[inner[part]]
+        whole = weight.sum(axis=1)
+        exact = whole * (length * (weight / whole[:, None]) * there**2).sum(axis=(0, 2))
+        np.add.at(missed, series, exact - (weight * shaft[series[:, None], inner[part]] ** 2).sum(axis=1))
+        return missed
 
     def _refine(self, designs: DesignInputs, top: Array, found: Sequence[Brackets]) -> None:
         """Raise the largest values `top` (n, c) to those between the points of the grid."""
@@ -217,8 +265,11 @@ class DesignMotion:
         np.maximum.at(top, (design, series), refined(every, values))
 
 
-def _root_mean_square(weight: Array, rows: Array, duration: float) -> Array:
-    """The RMS (k,) of rows (k, n) with weights (n,), s, over a duration, s; its rounding does not depend on BLAS."""
+def _root_mean_square(weight: Array, rows: Array, duration: float, more: Array | float = 0.0) -> Array:
+    """The RMS (k,) of rows (k, n) with weights (n,), s, over a duration, s; its rounding does not depend on BLAS.
+    `more` (k,) is added to the integrals of squares.
+    """
     size = np.abs(rows).max(axis=1, initial=0.0)
     size = np.where(size > 1e100, size, 1.0)
-    return np.asarray(size * np.sqrt(np.add.reduce(weight * (rows / size[:, None]) ** 2, axis=1) / duration))
+    whole = np.add.reduce(weight * (rows / size[:, None]) ** 2, axis=1) + more / size / size
+    return np.asarray(size * np.sqrt(np.maximum(whole, 0.0) / duration))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,17 +14,16 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
-from bellcrank.files import json_files
+from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
 from bellcrank.sizing.axis_conditions import check_momentary_loads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.selection.criteria import TOLERANCE
+from bellcrank.sizing.selection.criteria import TOLERANCE, CriterionResult
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs, Products
-from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.selection.system_criteria import judge_system
 
 if TYPE_CHECKING:
@@ -87,7 +85,7 @@ class DriveVerdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveVerdicts(WithNotes):
+class DriveVerdicts(WithNotes, WithJson):
     """The verdicts on the motors and gears of a robot, made by `bellcrank.judge`.
 
     `print` shows every criterion of each, and the verdict.
@@ -110,6 +108,7 @@ class DriveVerdicts(WithNotes):
     axes_without: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     undetermined: tuple[str, ...] = ()
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     def __repr__(self) -> str:
         return f"DriveVerdicts('{self.robot}', {', '.join(f'{one.axis}: {one.state}' for one in self.drives)})"
@@ -158,7 +157,7 @@ class DriveVerdicts(WithNotes):
         """The verdicts as JSON holds them.
 
         Returns:
-            Robot, cycles, the verdict, and each drive with its criteria.
+            Robot, cycles, the verdict, and each drive with its criteria; a use is None where it is unknown.
 
         Example:
             >>> import bellcrank as bc
@@ -186,26 +185,6 @@ class DriveVerdicts(WithNotes):
             "notes": [note.to_dict() for note in self.notes],
             **({"undetermined": list(self.undetermined)} if self.undetermined else {}),
         }
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write judge.json: every criterion of every drive, uses as numbers, null where unknown or infinite.
-
-        Args:
-            path: The file to write.
-
-        Returns:
-            The path of the file.
-
-        Raises:
-            InputError: Where the file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> bc.judge("geared_pendulum").to_json("judge.json").name
-            'judge.json'
-        """
-        target = arguments.path("path", path, "the path of a file")
-        return json_files.write_json(target, self.as_dict(), ascii_only=True)
 
 
 def judge_drives(

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.sizing.joint_sizing import JointSizing
-    from bellcrank.sizing.shaft_sizing import MotorSizing
+    from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing
 
 Array = NDArray[np.float64]
 REMEDY = "so the motor cannot be sized; check the masses, lengths, forces, actuator and accelerations there"

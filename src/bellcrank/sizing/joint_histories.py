@@ -21,7 +21,24 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.sizing.result import Sizing
 
+
 Array = NDArray[np.float64]
+
+
+class SizingInputs(NamedTuple):
+    """What was sized: the mechanism, its motions (with extra rows at the rows of force tables) and the actuators by
+    joint."""
+
+    mechanism: Mechanism
+    motions: tuple[Motion, ...]
+    actuators: Mapping[str, Actuator]
+
+
+def sizing_inputs(sizing: Sizing) -> SizingInputs:
+    """What was sized. Raises InputError where the sizing does not hold it."""
+    if sizing.inputs is None:
+        raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
+    return sizing.inputs
 
 
 class SampledStates(NamedTuple):
@@ -180,7 +197,5 @@ def motion_history(
 
 def sizing_histories(sizing: Sizing) -> dict[str, MotionHistory]:
     """The histories of the joints of a sizing, by motion. Raises InputError where the sizing does not hold motions."""
-    from bellcrank.sizing.result import sizing_inputs
-
     mechanism, motions, actuators = sizing_inputs(sizing)
     return {motion.name: motion_history(mechanism, mechanism.motors, actuators, motion) for motion in motions}

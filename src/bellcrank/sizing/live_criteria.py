@@ -15,6 +15,7 @@ joint's wrench (bearings) are not computed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -27,7 +28,7 @@ from bellcrank.codegen.expression_array import ExpressionArray, expressions
 from bellcrank.sizing.drive_verdicts import pair_of
 from bellcrank.sizing.joint_sizing import JointSizing
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Criterion
+from bellcrank.sizing.selection.criteria import Criterion, CriterionResult
 from bellcrank.sizing.selection.judge import GEAR_CRITERIA
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, features_of
 from bellcrank.sizing.selection.matching_criteria import InertiaRatio, MotorType, NominalVoltage
@@ -39,9 +40,8 @@ from bellcrank.sizing.selection.motor_criteria import (
     VoltageLimit,
 )
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.peak_curve import PeakCurve
-from bellcrank.sizing.selection.peak_duration import PeakDuration
 from bellcrank.sizing.selection.shaft_loads import shaft_coefficients
+from bellcrank.sizing.selection.short_time_criteria import PeakCurve, PeakDuration
 
 if TYPE_CHECKING:
     import casadi
@@ -115,22 +115,23 @@ class LiveDrive:
     """The motor and gear of a joint as expressions.
 
     Attributes:
-        joint: The joint, with its actuator.
+        joint: The joint.
+        actuator: The motor and gear.
+        judged: Their criteria, as `bellcrank.judge` finds them: those that it does not know are not expressions.
         ratio: The gear's ratio, an expression or a number.
     """
 
     joint: JointSizing
+    actuator: Actuator
+    judged: Sequence[CriterionResult]
     ratio: casadi.SX | float
-    actuator: Actuator = field(init=False)
     pair: Pairs = field(init=False)
 
     def __post_init__(self) -> None:
-        assert self.joint.shaft is not None
-        self.actuator = self.joint.shaft.actuator
         self.pair = pair_of(self.actuator)
         if not isinstance(self.ratio, float):
             vars(self.pair.gears)["ratio"] = ExpressionArray.of(self.ratio, (1,))
-        known = [one.name for one in self.joint.shaft.judged.judged if one.use is not None and np.isfinite(one.use)]
+        known = [one.name for one in self.judged if one.use is not None and np.isfinite(one.use)]
         self._points = [one for one in OF_POINTS if one.name in known]
         self._reductions = [one for one in OF_REDUCTIONS if one.name in known]
         exponent = float(self.pair.of_gear("life_exponent")[0])

@@ -2,38 +2,39 @@
 
 Two functions say all that the page computes; it only sums and compares what they return along the motions:
 
-    sample   (begin, end, place, side, speed, p) -> shown, sizes, rates
+    sample   (begin, end, place, side, speed, p, closed) -> shown, sizes, rates
     verdict  (largest sizes, means of rates, p) -> figures, uses, exceeded
 
 `sample` takes a quintic of a motion (live_motion.py); the place in it: the share, and how long the quintic lasts; the
-signs of the joints' speeds in the piece; the factor on the motion's speed; and the
-settings p. It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
+signs of the joints' speeds in the piece; the factor on the motion's speed; the settings p; and of a linkage whose
+lengths are among them the positions of the joints that follow from others, which a third function finds
+(live_loops.py). It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
 principle of virtual power (dynamics/motor_shares.py); live_criteria.py gives the torques at the motors' shafts, and the
-criteria of motors and gears, which `verdict` ends. Tests compare both with
-`bellcrank.size` and `bellcrank.judge`.
+criteria of motors and gears, which `verdict` ends. Tests compare both with `bellcrank.size` and `bellcrank.judge`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bellcrank.actuators.actuator import Actuator
 from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.webassembly import webassembly
+from bellcrank.config.units import RPM
 from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.elements.parameters import Parameter
 from bellcrank.elements.symbols import Symbols
 from bellcrank.motion.hermite import quintic_polynomial
-from bellcrank.robot.traced_tree import ORIGIN, setting
-from bellcrank.simulation.live_settings import Setting, slider_end
+from bellcrank.simulation.live_settings import Setting
+from bellcrank.sizing.live_choice import Choices, LiveChoice
 from bellcrank.sizing.live_criteria import LiveDrive, Sample
+from bellcrank.sizing.live_inputs import LiveSettings, changeable_parameters, own_parameters, payload_parameters
+from bellcrank.sizing.live_loops import LiveLoops, leading_joints
+from bellcrank.sizing.live_motion import velocities
 from bellcrank.sizing.one_sided import ONE_SIDE, STILL
 from bellcrank.sizing.selection.criteria import TOLERANCE
 
@@ -41,23 +42,48 @@ if TYPE_CHECKING:
     import casadi
 
     from bellcrank.dynamics.mechanism import Mechanism
-    from bellcrank.robot.robot import Robot
+    from bellcrank.elements.parameters import Parameter
     from bellcrank.sizing.joint_sizing import JointSizing
     from bellcrank.sizing.result import Sizing
 
-RPM = 30.0 / math.pi
 FIGURES = ("peak torque", "RMS torque", "peak speed", "peak motor torque", "RMS motor torque", "mean motor speed")
+NONE = Choices()
 EFFORT, VELOCITY = "URDF effort limit", "URDF velocity limit"
-REACH = 0.3  # m: how far a slider moves the centre of a payload
-FRICTION = 0.3  # of the peak torque: the most friction of a slider
 
 
 class Use(NamedTuple):
-    """A limit of one joint: its name, and its place in the uses of `verdict`; None where it is not recomputed."""
+    """A limit of one joint.
+
+    Attributes:
+        joint: The joint.
+        name: The limit.
+        place: Its place in the uses of `verdict`; None where it is not recomputed.
+        listed: Of which motors and gears of the joint it is a limit; None: of all.
+        computed: Of which of them it is recomputed, if `place` is given.
+    """
 
     joint: str
     name: str
     place: int | None
+    listed: tuple[int, ...] | None = None
+    computed: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posed:
+    """The positions of all joints as expressions of what a page gives to its functions.
+
+    Attributes:
+        position: The positions (nq).
+        parameters: The parameters of the robot's tree and the scene.
+        values: Their values.
+        inputs: The symbols begin, end, place, p, and closed where loops are closed.
+    """
+
+    position: casadi.SX
+    parameters: dict[str, Parameter]
+    values: casadi.SX
+    inputs: tuple[casadi.SX, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,44 +92,72 @@ class LiveSizing:
 
     Attributes:
         settings: What can be changed, in the order of p.
+        fixed: Sentences on parameters of the scene that cannot be changed.
         speeds: The place in p of the factor on the speed of each motion.
         uses: The limits of the joints.
-        sample: The function of a sample, as a WebAssembly module.
+        sample: The function of a sample.
         verdict: That of the verdict.
+        close: That of a step by which dependent joints close the loops; None where no setting moves them.
+        closing: The settings on which their positions depend.
+        closed: How many joints these are.
         sizes: How many numbers both return: shown, sizes, rates, figures, uses.
+        posed: The positions of all joints.
     """
 
     settings: tuple[Setting, ...]
+    fixed: tuple[str, ...]
     speeds: tuple[int, ...]
     uses: tuple[Use, ...]
-    sample: bytes
-    verdict: bytes
+    sample: casadi.Function
+    verdict: casadi.Function
+    close: casadi.Function | None
+    closing: tuple[int, ...]
+    closed: int
     sizes: tuple[int, ...]
+    posed: Posed
 
 
-def live_sizing(sizing: Sizing) -> LiveSizing | str:
-    """The functions and settings of a sizing; or a clause that says why a page cannot compute it."""
+def live_sizing(sizing: Sizing, choices: Choices = NONE) -> LiveSizing | str:
+    """The functions and settings of a sizing; or a clause that says why a page cannot compute it. `choices` are the
+    motors and gears among which its reader chooses.
+    """
     import casadi
 
     if reason := _obstacle(sizing):
         return reason
     assert sizing.inputs is not None
     mechanism, motions, actuators = sizing.inputs
-    settings = _Settings(sizing)
-    n, k = mechanism.robot.nv, len(mechanism.motors)
+    scene, n, k = mechanism.equations.scene, mechanism.robot.nq, len(mechanism.motors)
+    parameters = {**own_parameters(mechanism), **payload_parameters(mechanism, choices)}
+    symbols = Symbols(mechanism.robot, parameters, () if scene is None else scene.frames)
+    loads = _loads(mechanism, actuators.keys(), symbols)
+    if loads is None:
+        return "forces of the scene depend on time"
+    closes = isinstance(mechanism, Linkage) and mechanism.robot.nq == mechanism.robot.nv
+    lead = leading_joints(mechanism, motions) if isinstance(mechanism, Linkage) and closes else None
+    loops = LiveLoops(mechanism, symbols, lead) if isinstance(mechanism, Linkage) and lead is not None else None
+    changeable, fixed = changeable_parameters(sizing, _at(loads, symbols), symbols, loops)
+    residual = casadi.SX(0, 1) if loops is None else loops.residual
+    closing = [name for name in changeable if casadi.depends_on(residual, symbols.parameter(name))]
+    loops = loops if closing else None
+    settings = LiveSettings(sizing, changeable, choices)
     p, speed = casadi.SX.sym("p", len(settings.all)), casadi.SX.sym("speed")
     begin, end, place = (casadi.SX.sym(name, size) for name, size in (("begin", 3 * n), ("end", 3 * n), ("place", 2)))
-    side = casadi.SX.sym("side", n)
-    q, v, a = _states(begin, end, place[1], place[0])
+    side, closed = (
+        casadi.SX.sym("side", mechanism.robot.nv),
+        casadi.SX.sym("closed", 0 if loops is None else len(loops.rest)),
+    )
+    values = settings.values(p, parameters)
+    given = q, v, a = velocities(mechanism.robot, _states(begin, end, place[1], place[0]))
+    if loops is not None:
+        q, v, a = loops.states(given, closed, values)
     v, a = speed * v, speed**2 * a
     columns = [joint.v for joint in mechanism.motors]
-    found = _torques(mechanism, actuators.keys(), settings, p, (q, v, a))
-    if found is None:
-        return "forces of the scene depend on time"
-    torque, inertia = found
+    torque, inertia = loads(q, v, a, values, *settings.surroundings(p, mechanism.robot))
     speed_of, acceleration_of = v[columns], a[columns]
     sided = casadi.if_else(casadi.fabs(speed_of) <= STILL, ONE_SIDE * side[columns], speed_of)
-    drives = [_drive(joint, settings, p) for joint in sizing.joints]
+    drives = [_drive(joint, settings, p, choices) for joint in sizing.joints]
+    follows = [] if loops is None else [q]
     shown, sizes = [torque, v, a], [torque, -torque, casadi.fabs(sided)]
     rates, shafts, turns = [torque**2, casadi.fabs(sided)], [], []
     more: list[list[casadi.SX]] = [[], []]  # sizes and rates of drives, beside those that all joints have
@@ -120,7 +174,7 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
             counts.append((len(at.sizes), len(at.rates)))
             more[0] += at.sizes
             more[1] += at.rates
-    shown += [casadi.vertcat(*turns), casadi.vertcat(*shafts)]
+    shown += [casadi.vertcat(*turns), casadi.vertcat(*shafts), *follows]
     largest = [*casadi.vertsplit(casadi.vertcat(*sizes, casadi.fabs(shown[4]))), *more[0]]
     means = [*casadi.vertsplit(casadi.vertcat(*rates)), *more[1]]
     most = [casadi.SX.sym(f"most {j}") for j in range(len(largest))]
@@ -139,8 +193,11 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
             of_joint.append((peak, rms, fast, shaft, rms, slow))
         else:
             of_joint.append((peak, rms, fast, shaft, judged.rms_torque, RPM * drive.ratio * slow))
-        for name, share in _uses(joint, peak, fast, {} if judged is None else judged.uses):
-            named.append(Use(joint.name, name, None if share is None else len(uses)))
+        listed = _listed(joint, drive)
+        for name, share in _uses(joint, peak, fast, {} if judged is None else judged.uses, listed):
+            of = listed.get(name) if isinstance(drive, LiveChoice) else None
+            computed = tuple(drive.computed.get(name, ())) if isinstance(drive, LiveChoice) and of else None
+            named.append(Use(joint.name, name, None if share is None else len(uses), of, computed))
             uses += [] if share is None else [share]
     figures = casadi.vertcat(*(casadi.vertcat(*kind) for kind in zip(*of_joint, strict=True)))
     every = casadi.vertcat(casadi.SX(0, 1), *uses)
@@ -149,19 +206,33 @@ def live_sizing(sizing: Sizing) -> LiveSizing | str:
     picked = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((largest, means), kept, strict=True)]
     sample = casadi.Function(
         "sample",
-        [begin, end, place, side, speed, p],
+        [begin, end, place, side, speed, p, *([] if loops is None else [closed])],
         [casadi.densify(each) for each in (casadi.vertcat(*shown), *picked)],
     )
     inputs = [casadi.vertcat(*(each[j] for j in rows)) for each, rows in zip((most, mean), kept, strict=True)]
     results = (figures, every, every > 1.0 + TOLERANCE)
     verdict = casadi.Function("verdict", [*inputs, p], [casadi.densify(each) for each in results])
+    close = None
+    if loops is not None:
+        steps = loops.step(given[0], closed, values)
+        close = casadi.Function("close", [begin, end, place, p, closed], list(map(casadi.densify, steps)))
     return LiveSizing(
         settings=tuple(settings.all),
+        fixed=tuple(fixed),
         speeds=tuple(settings.place("speed", motion.name) for motion in motions),
         uses=tuple(named),
-        sample=_module(sample),
-        verdict=_module(verdict),
-        sizes=(3 * k + 2 * n, *map(len, kept), 6 * k, len(uses)),
+        sample=sample,
+        verdict=verdict,
+        close=close,
+        closing=tuple(settings.place("parameter", name) for name in closing),
+        closed=closed.numel(),
+        sizes=(sum(each.numel() for each in shown), *map(len, kept), 6 * k, len(uses)),
+        posed=Posed(
+            position=q,
+            parameters=parameters,
+            values=values,
+            inputs=(begin, end, place, p, *([] if loops is None else [closed])),
+        ),
     )
 
 
@@ -171,8 +242,8 @@ def _obstacle(sizing: Sizing) -> str:
         return "the sizing does not hold its motions"
     mechanism = sizing.inputs.mechanism
     robot, scene, config = mechanism.robot, mechanism.equations.scene, sizing.config
-    if robot.floating_base or any(joint.nv != 1 for joint in robot.joints) or robot.nq != robot.nv:
-        return "the robot has joints with several degrees of freedom"
+    if robot.floating_base or (any(joint.nv != 1 for joint in robot.joints) and not isinstance(mechanism, Linkage)):
+        return "the robot has joints with several degrees of freedom, and no loop"
     if sizing.mass_tolerance:
         return "the masses have a tolerance"
     if sizing.motors or (config is not None and config.transmissions):
@@ -190,12 +261,13 @@ def _obstacle(sizing: Sizing) -> str:
     return ""
 
 
-def _module(function: casadi.Function) -> bytes:
+def module_of(function: casadi.Function) -> bytes:
+    """A function as a WebAssembly module."""
     return webassembly(graph_of(function.serialize().encode("latin-1")))
 
 
 def _states(begin: casadi.SX, end: casadi.SX, length: casadi.SX, s: casadi.SX | float) -> list[casadi.SX]:
-    """Position, velocity and acceleration at a share s of a piece of a motion."""
+    """q, q̇ and q̈ at a share s of a piece of a motion."""
     import casadi
 
     (q0, v0, a0), (q1, v1, a1) = (casadi.vertsplit(each, each.size1() // 3) for each in (begin, end))
@@ -204,159 +276,18 @@ def _states(begin: casadi.SX, end: casadi.SX, length: casadi.SX, s: casadi.SX | 
     return [p, pd / length, pdd / length**2]
 
 
-class _Settings:
-    """The settings, and which symbol of p each of them is."""
-
-    def __init__(self, sizing: Sizing) -> None:
-        assert sizing.inputs is not None
-        mechanism, motions, actuators = sizing.inputs
-        self.all: list[Setting] = []
-        self._places: dict[tuple[str, str], int] = {}
-        self.targets: dict[str, int] = {}  # of the robot's tree
-        config, robot = sizing.config, mechanism.robot
-        for number, payload in enumerate(robot.payloads, 1):
-            path = f"payloads.{number}" if config is not None and number <= len(config.payloads) else ""
-            group = f"payload {number} at {payload.frame}" if len(robot.payloads) > 1 else f"payload at {payload.frame}"
-            self._target(
-                f"link.payload {number}.mass",
-                Setting(
-                    group=group,
-                    name="mass",
-                    unit="kg",
-                    value=payload.mass,
-                    range=(0.0, slider_end(3.0 * payload.mass)),
-                    above=True,
-                    path=path and f"{path}.mass",
-                ),
-            )
-            for axis, value, entry in zip(ORIGIN[:3], payload.cg, "123", strict=True):
-                self._target(
-                    f"link.payload {number}.cg.{axis}",
-                    Setting(
-                        group=group,
-                        name=f"centre {axis}",
-                        unit="m",
-                        value=value,
-                        range=(value - REACH, value + REACH),
-                        least=-math.inf,
-                        path=path and f"{path}.cg",
-                        entry=entry,
-                    ),
-                )
-        named = set() if config is None else set(config.motions)
-        for motion in motions:
-            path = f"motions.{motion.name}.speed_factor" if motion.name in named else ""
-            stated = 1.0 if not path or config is None else config.motions[motion.name].speed_factor
-            self._add(
-                "speed",
-                motion.name,
-                Setting(
-                    group="speed of motions",
-                    name=motion.name,
-                    unit="",
-                    value=stated,
-                    range=(0.2 * stated, 2.0 * stated),
-                    above=True,
-                    path=path,
-                ),
-            )
-        given = {} if config is None else config.actuators
-        for joint in sizing.joints:
-            if joint.name in actuators and _of_ratings(actuators[joint.name]):
-                path = f"actuators.{joint.name}.ratio" if joint.name in given else ""
-                unit = "rad/m" if joint.kind == "prismatic" else ""
-                ratio = actuators[joint.name].ratio
-                self._add(
-                    "ratio",
-                    joint.name,
-                    Setting(
-                        group="gear ratio",
-                        name=joint.name,
-                        unit=unit,
-                        value=ratio,
-                        range=(0.3 * ratio, 2.0 * ratio),
-                        above=True,
-                        path=path,
-                    ),
-                )
-        for kind, values, units in (
-            ("viscous", robot.viscous, ("N m s/rad", "N s/m")),
-            ("coulomb", robot.coulomb, ("N m", "N")),
-        ):
-            for one in robot.joints:
-                if config is not None and one.name in config.without_friction:  # the scene's dry friction counts there
-                    continue
-                value, sized = float(values[one.v]), next((j for j in sizing.joints if j.name == one.name), None)
-                most = 1.0 if sized is None else FRICTION * sized.peak_torque
-                if sized is not None and kind == "viscous" and sized.peak_speed:
-                    most /= sized.peak_speed
-                self._add(
-                    kind,
-                    one.name,
-                    Setting(
-                        group=f"{kind} friction",
-                        name=one.name,
-                        unit=units[one.kind == "prismatic"],
-                        value=value,
-                        range=(0.0, slider_end(max(most, 3.0 * value))),
-                        path="" if config is None else "friction",
-                        entry=f"{one.name}/{kind}",
-                    ),
-                )
-        most = float(np.linalg.norm(robot.gravity)) or 9.81
-        for axis, value, entry in zip(ORIGIN[:3], robot.gravity.tolist(), "123", strict=True):
-            self._add(
-                "gravity",
-                axis,
-                Setting(
-                    group="gravity (tilt of the base)",
-                    name=axis,
-                    unit="m/s²",
-                    value=value,
-                    range=(-most, most),
-                    least=-math.inf,
-                    path="" if config is None else "gravity",
-                    entry=entry,
-                ),
-            )
-
-    def _add(self, kind: str, name: str, made: Setting) -> None:
-        self._places[kind, name] = len(self.all)
-        self.all.append(made)
-
-    def _target(self, target: str, made: Setting) -> None:
-        self.targets[target] = len(self.all)
-        self.all.append(made)
-
-    def place(self, kind: str, name: str) -> int:
-        """The place of a setting in p."""
-        return self._places[kind, name]
-
-    def symbol(self, p: casadi.SX, kind: str, name: str, otherwise: float) -> casadi.SX | float:
-        """The symbol of a setting; a number where there is none."""
-        place = self._places.get((kind, name))
-        return otherwise if place is None else p[place]
-
-
-def _of_ratings(actuator: Actuator) -> bool:
-    """Whether an actuator is given by its ratings, and states what the torque at its shaft needs."""
-    return actuator.by_ratings and not actuator.unknown_of_torque
-
-
-def _torques(
-    mechanism: Mechanism, actuated: Collection[str], settings: _Settings, p: casadi.SX, states: tuple[casadi.SX, ...]
-) -> tuple[casadi.SX, casadi.SX] | None:
-    """The torques at the motors' joints, without the rotors of those joints that have an actuator, and the inertia that
-    accelerates with each of them alone, without rotors; None where they depend on time.
+def _loads(mechanism: Mechanism, actuated: Collection[str], symbols: Symbols) -> casadi.Function | None:
+    """(q, v, a, values of parameters, gravity, viscous, coulomb) -> the torques at the motors' joints, without the
+    rotors of those joints that have an actuator, and the inertia that accelerates with each of them alone, without
+    rotors; None where they depend on time.
     """
     import casadi
 
-    robot, scene = mechanism.robot, mechanism.equations.scene
-    own = {} if scene is None else scene.parameters
-    varied = {f"varied {place}": _parameter(robot, target) for target, place in settings.targets.items()}
-    symbols = Symbols(robot, {**own, **varied}, () if scene is None else scene.frames)
+    robot = mechanism.robot
     a = casadi.SX.sym("a", robot.nv)
-    rotor = np.array([robot.rotor_inertia[joint.v] if joint.name in actuated else 0.0 for joint in robot.joints])
+    rotor = np.zeros(robot.nv)
+    own = [joint.v for joint in robot.joints if joint.name in actuated]
+    rotor[own] = robot.rotor_inertia[own]
     need = symbols.inverse_dynamics(symbols.q, symbols.v, a) - casadi.DM(rotor) * a
     gravity = casadi.SX.sym("gravity", 3)
     need += symbols.holding_force(symbols.q, gravity - casadi.DM(robot.gravity))
@@ -382,39 +313,49 @@ def _torques(
         torque, inertia = need[columns], casadi.diag(mass)[columns]
     if casadi.depends_on(torque, symbols.t):
         return None
-    inputs = [symbols.q, symbols.v, a, symbols.p, symbols.t, gravity, *coefficients]
-    function = casadi.Function("torques", inputs, [torque, inertia])
-    values = casadi.vertcat(
-        casadi.SX(0, 1), *(one.value for one in own.values()), *(p[place] for place in settings.targets.values())
-    )
-    down = casadi.vertcat(*(p[settings.place("gravity", axis)] for axis in ORIGIN[:3]))
-    friction = [
-        casadi.vertcat(*(settings.symbol(p, kind, joint.name, float(stated[joint.v])) for joint in robot.joints))
-        for kind, stated in (("viscous", robot.viscous), ("coulomb", robot.coulomb))
-    ]
-    return cast("tuple[casadi.SX, casadi.SX]", function(*states, values, 0.0, down, *friction))
+    inputs = [symbols.q, symbols.v, a, symbols.p, gravity, *coefficients]
+    return casadi.Function("loads", inputs, [torque, inertia])
 
 
-def _parameter(robot: Robot, target: str) -> Parameter:
-    return Parameter(target, 0.0, "", (target,), (setting(robot.equations.tree, target),))
+def _at(loads: casadi.Function, symbols: Symbols) -> casadi.SX:
+    """All loads, of which only the parameters are symbols of `symbols`."""
+    import casadi
+
+    q, v, a, _, *others = loads.sx_in()
+    torque, inertia = loads(q, v, a, symbols.p, *others)
+    return casadi.vertcat(torque, inertia)
 
 
-def _drive(joint: JointSizing, settings: _Settings, p: casadi.SX) -> LiveDrive | None:
-    """The motor and gear of a joint; None where it has none, or figures are unknown that its torque needs."""
+def _drive(joint: JointSizing, settings: LiveSettings, p: casadi.SX, choices: Choices) -> LiveDrive | LiveChoice | None:
+    """The motor and gear of a joint, or several; None where it has none, or its torque needs unknown figures."""
     if joint.shaft is None or joint.shaft.actuator.unknown_of_torque:
         return None
-    return LiveDrive(joint, settings.symbol(p, "ratio", joint.name, joint.shaft.actuator.ratio))
+    choice = settings.choice(p, joint.name)
+    if choice is not None:
+        pairs = choices.pairs[joint.name]
+        return LiveChoice([LiveDrive(joint, one.actuator, one.judged, one.actuator.ratio) for one in pairs], choice)
+    actuator, ratio = joint.shaft.actuator, settings.symbol(p, "ratio", joint.name, joint.shaft.actuator.ratio)
+    return LiveDrive(joint, actuator, joint.shaft.judged.judged, ratio)
+
+
+def _listed(joint: JointSizing, drive: LiveDrive | LiveChoice | None) -> dict[str, tuple[int, ...]]:
+    """The criteria of the motors and gears of a joint, and of which of them they are."""
+    if not isinstance(drive, LiveChoice):
+        return {} if joint.shaft is None else {one.name: () for one in joint.shaft.judged.judged}
+    names = dict.fromkeys(one.name for each in drive.drives for one in each.judged)
+    return {
+        name: tuple(k for k, each in enumerate(drive.drives) if any(one.name == name for one in each.judged))
+        for name in names
+    }
 
 
 def _uses(
-    joint: JointSizing, peak: casadi.SX, fast: casadi.SX, judged: dict[str, casadi.SX]
+    joint: JointSizing, peak: casadi.SX, fast: casadi.SX, judged: dict[str, casadi.SX], names: Iterable[str]
 ) -> list[tuple[str, casadi.SX | None]]:
-    """The shares of the limits of a joint, those of criteria by name given; None of those that are not recomputed."""
+    """The shares of the limits of a joint, those of criteria with these names given; None of what is not recomputed."""
     uses: list[tuple[str, casadi.SX | None]] = []
     if joint.effort_limit is not None:
         uses.append((EFFORT, peak / joint.effort_limit if joint.effort_limit else None))
     if joint.velocity_limit is not None:
         uses.append((VELOCITY, fast / joint.velocity_limit if joint.velocity_limit else None))
-    if joint.shaft is None:
-        return uses
-    return uses + [(one.name, judged.get(one.name)) for one in joint.shaft.judged.judged]
+    return uses + [(name, judged.get(name)) for name in names]

@@ -27,18 +27,17 @@ from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.coupled_axes import axis_coordinates
+from bellcrank.sizing.coupled_axes import MotorLoads, axis_coordinates
 from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts, judge_drives
 from bellcrank.sizing.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
+from bellcrank.sizing.joint_histories import SizingInputs
 from bellcrank.sizing.joint_loads import JointLoads
-from bellcrank.sizing.joint_sizing import Cycle, JointSizing, Peak, ShaftSizing
+from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing
 from bellcrank.sizing.massless_motors import massless_motors, singular_joints
 from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
-from bellcrank.sizing.motor_loads import MotorLoads
-from bellcrank.sizing.result import Sizing, SizingInputs
-from bellcrank.sizing.shaft_sizing import MotorSizing
+from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.structure_loads import worst_loads
 
 if TYPE_CHECKING:

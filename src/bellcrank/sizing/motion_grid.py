@@ -1,11 +1,11 @@
 """Points along a motion at which loads are evaluated and integrated.
 
 The time between the rows of a motion is divided into parts: at the reversals of every joint, where friction and the
-losses of a gear jump; at the rows of force tables, where forces may jump; and further where torques change fast
-(friction, stiff springs), until halving a part no longer changes the integral of their squares. Integrals are
-Gauss-Legendre sums over the three inner points of each part. Speeds at the ends of parts are one-sided limits
-(sizing/one_sided.py). A mechanism that is at rest where a motion begins or ends rests before and after it too: there a
-point without acceleration is added.
+losses of a gear jump; at the rows of force tables, where forces may jump; further where torques change fast
+(friction, stiff springs), until halving a part no longer changes the integral of their squares; and where a torque
+changes its sign, at which the losses of a gear do. Integrals are Gauss-Legendre sums over the three inner points of
+each part. Speeds at the ends of parts are one-sided limits (sizing/one_sided.py). A mechanism that is at rest where a
+motion begins or ends rests before and after it too: there a point without acceleration is added.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ Array = NDArray[np.float64]
 Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
 
 FINEST = 300  # parts of a whole motion that the grid has at least
-_GAUSS = 0.5 * np.sqrt(0.6)
-_NODES = np.array([0.0, 0.5 - _GAUSS, 0.5, 0.5 + _GAUSS, 1.0])
-_WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+GAUSS = 0.5 * np.sqrt(0.6)  # of a part, from its middle: the outer points of Gauss and Legendre's rule
+NODES = np.array([0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0])
+WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
 HALVINGS = 16  # of a part, at most
-SETTLED = 1e-9  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
+SETTLED = 2e-11  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
 NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
 MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
 BISECTIONS = 40  # of the part in which a velocity changes sign
+CUTS = 14  # bisections of the part in which a torque does: what is left weighs (2^-14)^3 of the part's integral
+BESIDE = 1e-3  # of a part: zeros closer to its ends, or jumps there, change its integral by the third power of it
+ROUNDED = 1e-9  # of a torque's largest value: signs of smaller ones are rounding
 BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
 LEAST_BLOCK = 9  # states that are evaluated together, at least
 
@@ -66,25 +69,29 @@ def grid_along(
     """The grid of a motion. It holds both limits of every jump of acceleration, and of forces at `breaks` (s).
 
     `probes` are further times (s) at which loads are evaluated, such as those next to a reversal; their weight is 0.
-    Parts are halved where `torque` changes too fast for them.
+    Parts are halved where `torque` changes too fast for them, and end where it changes its sign: there the losses of a
+    gear do, so that motor torques bend.
     """
     edges, _ = _edges(motion, np.zeros(0) if breaks is None else breaks)
     low, high = edges[:-1], edges[1:]
     if torque is not None:
-        low, high = _halved(motion, torque, low, high)
+        low, high = _cut_at_zeros(motion, torque, *_halved(motion, torque, low, high))
     grid = _with_rest(motion, _grid(motion, low, high))
     return grid if probes is None else with_probes(motion, grid, probes)
 
 
-def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque) -> Grid:
+def coarse_grid_along(motion: Motion, breaks: Array, loads: Torque, torque: Torque | None = None) -> Grid:
     """As `grid_along`, with neighbouring parts merged where that does not change the integrals of the squared `loads`
-    (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts.
+    (torques, but also speeds and accelerations), across a motion's rows, down to about `FINEST` parts. Parts end where
+    `torque` changes its sign, if it is given.
     """
     edges, kinks = _edges(motion, breaks)
     low, high = _halved(motion, loads, *_merged(motion, loads, edges[:-1], edges[1:], kinks))
+    if torque is not None:
+        low, high = _cut_at_zeros(motion, torque, low, high)
     grid = _grid(motion, low, high)
     smooth = np.flatnonzero(~np.isin(low[1:], kinks)) + 1  # both sides of their first edge are alike
-    keep = np.delete(np.arange(len(grid.time)), smooth * len(_NODES))
+    keep = np.delete(np.arange(len(grid.time)), smooth * len(NODES))
     kept = {one.name: getattr(grid, one.name)[keep] for one in fields(Grid) if one.name != "sides"}
     return _with_rest(motion, replace(grid, **kept))
 
@@ -97,10 +104,10 @@ def motion_sides(motion: Motion) -> Sides:
 
 def _grid(motion: Motion, low: Array, high: Array) -> Grid:
     """The points of parts (m,)."""
-    length, last = high - low, len(_NODES) - 1
-    time = (low[:, None] + length[:, None] * _NODES).ravel()
-    weight = (length[:, None] * _WEIGHTS).ravel()
-    part = np.repeat(np.arange(len(low)), len(_NODES))
+    length, last = high - low, len(NODES) - 1
+    time = (low[:, None] + length[:, None] * NODES).ravel()
+    weight = (length[:, None] * WEIGHTS).ravel()
+    part = np.repeat(np.arange(len(low)), len(NODES))
     force_time = time.copy()
     time[last :: last + 1] = high
     force_time[last :: last + 1] = np.nextafter(high, -np.inf)
@@ -110,10 +117,10 @@ def _grid(motion: Motion, low: Array, high: Array) -> Grid:
         row = np.searchsorted(motion.time, edge, side="right" if side == "right" else "left")
         row = np.clip(row - 1 if side == "right" else row, 0, len(motion.time) - 1)
         at_row = motion.time[row] == edge
-        points = np.arange(len(low))[at_row] * len(_NODES) + place
+        points = np.arange(len(low))[at_row] * len(NODES) + place
         position[points], velocity[points] = motion.position[row[at_row]], motion.velocity[row[at_row]]
         acceleration[points] = motion.acceleration[row[at_row]]
-    sides = Sides.of(float(low[0]), high, np.arange(len(low)) * len(_NODES), velocity)
+    sides = Sides.of(float(low[0]), high, np.arange(len(low)) * len(NODES), velocity)
     velocity = sides.of_velocity(force_time, velocity)
     return Grid(time, force_time, position, velocity, acceleration, weight, part, sides)
 
@@ -160,12 +167,9 @@ def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
     those at which loads or their slopes jump: breaks, reversals, ends of rest and jumps of acceleration.
     """
     starts = np.flatnonzero(np.diff(motion.time) > 0.0)
-    length = motion.time[starts + 1] - motion.time[starts]
-    count = np.maximum(1, np.ceil(FINEST * length / motion.duration - 1e-9)).astype(int)
-    place = np.concatenate([np.arange(many) for many in count])
-    step = np.repeat(length / count, count)
+    inner = divided(motion.time[starts], motion.time[starts + 1] - motion.time[starts], motion.duration)
     breaks = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
-    edges = np.unique(np.concatenate([np.repeat(motion.time[starts], count) + place * step, motion.time, breaks]))
+    edges = np.unique(np.concatenate([inner, motion.time, breaks]))
     speed = motion.at(edges)[1]
     speed[np.abs(speed) <= STILL] = 0.0
     stops = edges[1:-1][((speed[1:-1] == 0.0) & ((speed[:-2] != 0.0) | (speed[2:] != 0.0))).any(axis=1)]
@@ -177,6 +181,15 @@ def _edges(motion: Motion, breaks: Array) -> tuple[Array, Array]:
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     jumps = motion.time[1:][np.diff(motion.time) == 0.0]
     return np.unique(np.concatenate([edges, low])), np.unique(np.concatenate([breaks, low, stops, jumps]))
+
+
+def divided(begin: Array, length: Array, duration: float) -> Array:
+    """Where parts begin, s, of intervals from `begin` (m,), s, whose `length` (m,), s, is divided so that a motion has
+    at least `FINEST` parts.
+    """
+    count = np.maximum(1, np.ceil(FINEST * length / duration - 1e-9)).astype(int)
+    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.asarray(np.repeat(begin, count) + place * np.repeat(length / count, count))
 
 
 def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
@@ -199,6 +212,34 @@ def _halved(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Ar
     low, high = (np.concatenate([part[k] for part in done]) for k in (0, 1))
     order = np.argsort(low)
     return low[order], high[order]
+
+
+def _cut_at_zeros(motion: Motion, torque: Torque, low: Array, high: Array) -> tuple[Array, Array]:
+    """The parts, cut where a torque changes its sign between two of their nodes by more than rounding."""
+    time = (low[:, None] + (high - low)[:, None] * NODES).ravel()
+    values = _in_blocks(motion, torque, time)
+    largest = np.abs(values).max(axis=0, initial=0.0)
+    noise = np.where(largest > NOISE * largest.max(initial=0.0), ROUNDED * largest, np.inf)
+    before, after = values[:-1], values[1:]
+    crosses = ((before > 0.0) != (after > 0.0)) & (np.maximum(np.abs(before), np.abs(after)) > noise)
+    crosses &= (np.diff(time) > 0.0)[:, None]
+    row, column = np.nonzero(crosses)
+    left, right, positive = time[row], time[row + 1], values[row, column] > 0.0
+    for _ in range(CUTS if row.size else 0):
+        middle = 0.5 * (left + right)
+        same = (_in_blocks(motion, torque, middle)[np.arange(len(row)), column] > 0.0) == positive
+        left, right = np.where(same, middle, left), np.where(same, right, middle)
+    zeros, part = 0.5 * (left + right), row // len(NODES)
+    aside = np.minimum(zeros - low[part], high[part] - zeros) > BESIDE * (high - low)[part]
+    edges = np.unique(np.concatenate([low, high, zeros[aside]]))
+    return edges[:-1], edges[1:]
+
+
+def _in_blocks(motion: Motion, torque: Torque, time: Array) -> Array:
+    """Torques (n, k) at times (n,)."""
+    step = rows_at_once(motion)
+    blocks = [time[first : first + step] for first in range(0, len(time), step)]
+    return np.concatenate([torque(block, *motion.at(block)) for block in blocks])
 
 
 def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array) -> tuple[Array, Array]:
@@ -224,9 +265,9 @@ def _squares(motion: Motion, loads: Torque, low: Array, high: Array) -> Array:
     step, found = rows_at_once(motion), []
     for first in range(0, len(low), step):
         begin, length = low[first : first + step], (high - low)[first : first + step]
-        time = (begin[:, None] + length[:, None] * _NODES[1:-1]).ravel()
+        time = (begin[:, None] + length[:, None] * NODES[1:-1]).ravel()
         values = loads(time, *motion.at(time)).reshape(len(begin), 3, -1)
-        found.append(length[:, None] * np.einsum("j,njk->nk", _WEIGHTS[1:-1], values**2))
+        found.append(length[:, None] * np.einsum("j,njk->nk", WEIGHTS[1:-1], values**2))
     return np.concatenate(found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -20,12 +20,16 @@ States = tuple[Array, Array, Array]  # q, v, a
 
 
 class MotionStates(Protocol):
-    """The states of designs, each of which takes a factor on the motion's time; times are those of the motion. Speeds
-    are one-sided (sizing/one_sided.py).
+    """The states of designs. Times are those of one motion, on whose time each takes a factor, or of motions of their
+    own (sizing/waypoint_states.py). Speeds are one-sided (sizing/one_sided.py).
     """
 
-    def on_grid(self, design: int) -> States:
-        """The states (n, …) of a design at the points of the grid."""
+    @property
+    def duration(self) -> Array:
+        """The durations (n,), s."""
+
+    def on_grid(self, design: int) -> Grid:
+        """The points along the motion of a design, with its states."""
 
     def between(self, designs: Whole, times: Array) -> States:
         """The states (m, …) of some designs (m,) at times (m,)."""
@@ -39,10 +43,15 @@ class SharedStates:
     grid: Grid
     stretch: Array
 
-    def on_grid(self, design: int) -> States:
-        """The states at the points of the grid."""
-        stretch = self.stretch[design]
-        return self.grid.position, self.grid.velocity / stretch, self.grid.acceleration / stretch**2
+    @property
+    def duration(self) -> Array:
+        """As in MotionStates."""
+        return self.stretch * self.motion.duration
+
+    def on_grid(self, design: int) -> Grid:
+        """As in MotionStates."""
+        stretch, grid = self.stretch[design], self.grid
+        return replace(grid, velocity=grid.velocity / stretch, acceleration=grid.acceleration / stretch**2)
 
     def between(self, designs: Whole, times: Array) -> States:
         """The states at times."""
@@ -72,6 +81,11 @@ class OwnStates:
     stretch: Array
     _sides: dict[int, Sides] = field(default_factory=dict, init=False, repr=False)
 
+    @property
+    def duration(self) -> Array:
+        """As in MotionStates."""
+        return self.stretch * self.motion.duration
+
     @cached_property
     def _rows(self) -> tuple[Whole, Whole, Whole]:
         """The interval of each point of the grid, and which points are rows, with the numbers of the rows.
@@ -88,8 +102,8 @@ class OwnStates:
         points = np.flatnonzero(time[row] == grid.time)
         return step, points, row[points]
 
-    def on_grid(self, design: int) -> States:
-        """The states at the points of the grid."""
+    def on_grid(self, design: int) -> Grid:
+        """As in MotionStates."""
         step, points, rows = self._rows
         own = self.position[design], self.velocity[design], self.acceleration[design]
         found = quintic(self.motion.time, *own, self.grid.time, step)
@@ -103,7 +117,12 @@ class OwnStates:
         )
         stretch = self.stretch[design]
         velocity = sides.of_velocity(self.grid.force_time, found[1])
-        return found[0], moves * velocity / stretch, moves * found[2] / stretch**2
+        return replace(
+            self.grid,
+            position=found[0],
+            velocity=moves * velocity / stretch,
+            acceleration=moves * found[2] / stretch**2,
+        )
 
     def between(self, designs: Whole, times: Array) -> States:
         """The states at times."""

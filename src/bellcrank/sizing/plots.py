@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError
-from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
 from bellcrank.plot_style import (
-    DPI,
     colour,
     dash,
     heading,
@@ -20,13 +18,12 @@ from bellcrank.plot_style import (
     new_figure,
     place,
     plain,
-    save_figure,
+    write_figure,
     write_figures,
 )
-from bellcrank.sizing.plot_samples import DrawnMotion, drawn_motions
-from bellcrank.sizing.result import sizing_inputs
+from bellcrank.sizing.joint_histories import sizing_inputs
 from bellcrank.sizing.sizing_files import file_names
-from bellcrank.sizing.torque_speed_plots import joint_figure, shaft_figure
+from bellcrank.sizing.torque_speed_plots import DrawnMotion, drawn_motions, joint_figure, shaft_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,14 +90,7 @@ def plot_sizing(sizing: Sizing, path: str | Path | None, what: str | None, motio
         figure = _over_time_figure(sizing, drawn_motions(inputs._replace(motions=(one,)))[0])
     else:
         figure = (shaft_figure if kind == "motors" else joint_figure)(sizing, drawn_motions(inputs))
-    if path is not None:
-        form = Path(path).suffix.removeprefix(".").lower() or "png"
-        known = figure.canvas.get_supported_filetypes()
-        if form not in known:
-            raise InputError(f"{path}: {unknown_name('picture format', form, sorted(known))}")
-        with atomic_write.writing(path) as temporary:
-            save_figure(figure, temporary, form, dpi=DPI)
-    return figure
+    return write_figure(figure, path)
 
 
 def _over_time_figure(sizing: Sizing, motion: DrawnMotion) -> Figure:

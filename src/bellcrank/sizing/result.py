@@ -5,45 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from bellcrank import arguments
-from bellcrank.actuators.actuator import Actuator
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.mechanism import AppliedForce
 from bellcrank.errors import InputError
-from bellcrank.files import atomic_write
+from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
-from bellcrank.sizing.joint_sizing import JointSizing, Peak
-from bellcrank.sizing.selection.selection import CriterionResult
-from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
+from bellcrank.sizing.joint_histories import SizingInputs
+from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
+from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.structure_loads import StructureLoad
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bellcrank.dynamics.mechanism import Mechanism
-    from bellcrank.motion.motion import Motion
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.joint_histories import MotionHistory
     from bellcrank.sizing.sensitivities import SizingSensitivity
 
 
-class SizingInputs(NamedTuple):
-    """What was sized: the mechanism, its motions (with extra rows at the rows of force tables) and the actuators by
-    joint."""
-
-    mechanism: Mechanism
-    motions: tuple[Motion, ...]
-    actuators: Mapping[str, Actuator]
-
-
 @dataclass(frozen=True, kw_only=True)
-class Sizing(Portable, WithNotes):
+class Sizing(Portable, WithNotes, WithJson, WithCsv):
     """The sizing of a robot over its motions, made by `bellcrank.size`.
 
-    `print` shows its tables and the verdict; a notebook shows them as HTML tables.
+    `print` shows its tables and the verdict; a notebook shows them as HTML tables. `to_csv` writes one line a joint.
 
     Attributes:
         robot: Name of the robot or robot configuration.
@@ -99,6 +87,7 @@ class Sizing(Portable, WithNotes):
     structure: tuple[StructureLoad, ...] = ()
     undetermined: tuple[str, ...] = ()
     system: tuple[CriterionResult, ...] = ()
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"
@@ -145,47 +134,25 @@ class Sizing(Portable, WithNotes):
         wanted = arguments.several("names", names, str, "names of parameters", alone=True)
         return sizing_sensitivities(self, wanted)
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write sizing.csv: one line a joint, with units in the header.
-
-        Args:
-            path: The file to write.
+    def as_dict(self) -> dict[str, Any]:
+        """The whole sizing as data for JSON, each peak with its time and position.
 
         Returns:
-            The path of the file.
-
-        Raises:
-            InputError: Where the file cannot be written.
+            Values in SI units; None where one is unknown.
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.size("geared_pendulum").to_csv("pendulum.csv").name
-            'pendulum.csv'
+            >>> bc.size("geared_pendulum").as_dict()["joints"][0]["name"]
+            'shoulder'
         """
-        from bellcrank.sizing.sizing_csv import csv_text
+        from bellcrank.sizing.sizing_files import sizing_data
 
-        return _written(path, csv_text(self))
+        return sizing_data(self)
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write sizing.json: the whole sizing in SI units, each peak with its time and position.
+    def _csv_text(self) -> str:
+        from bellcrank.sizing.sizing_files import csv_text
 
-        Args:
-            path: The file to write.
-
-        Returns:
-            The path of the file.
-
-        Raises:
-            InputError: Where the file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> bc.size("geared_pendulum").to_json("pendulum.json").name
-            'pendulum.json'
-        """
-        from bellcrank.sizing.sizing_files import json_text
-
-        return _written(path, json_text(self, ()))
+        return csv_text(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None, motion: str | None = None) -> Figure:
         """Draw the sizing.
@@ -210,12 +177,10 @@ class Sizing(Portable, WithNotes):
         """
         from bellcrank.sizing.plots import plot_sizing
 
-        if path is not None:
-            path = arguments.path("path", path, "the path of a picture")
         for name, text in (("what", what), ("motion", motion)):
             if text is not None:
                 arguments.text(name, text)
-        return plot_sizing(self, path, what, motion)
+        return plot_sizing(self, arguments.picture(path), what, motion)
 
     @cached_property
     def histories(self) -> Mapping[str, MotionHistory]:
@@ -319,16 +284,3 @@ class Sizing(Portable, WithNotes):
     def verified(self) -> bool:
         """Whether every limit is kept, and no main criterion of an actuator is unknown."""
         return self.inside and not self.not_verified
-
-
-def sizing_inputs(sizing: Sizing) -> SizingInputs:
-    """What was sized. Raises InputError where the sizing does not hold it."""
-    if sizing.inputs is None:
-        raise InputError(f"sizing of {sizing.robot}: it does not hold its motions; make it with bellcrank.size")
-    return sizing.inputs
-
-
-def _written(path: str | Path, text: str) -> Path:
-    target = arguments.path("path", path, "the path of a file")
-    atomic_write.write_text(target, text)
-    return target

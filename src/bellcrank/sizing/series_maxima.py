@@ -78,7 +78,7 @@ def refined(brackets: Brackets, values: Values) -> Array:
     for _ in range(MOST_ROUNDS):
         level = np.abs(value[:, 1])
         drop = value[:, 1] - value.min(axis=1)
-        vertex, gain = _vertex(time, value)
+        vertex, gain = vertex_of(time, value)
         done = (drop <= FLAT * level) | ((drop <= ALMOST_FLAT * level) & (gain <= GAIN * level))
         done |= time[:, 2] - time[:, 0] <= 4e-16 * np.abs(time[:, 1])
         go = ~done
@@ -98,7 +98,7 @@ def refined(brackets: Brackets, values: Values) -> Array:
     return best
 
 
-def _vertex(time: Array, value: Array) -> tuple[Array, Array]:
+def vertex_of(time: Array, value: Array) -> tuple[Array, Array]:
     """The vertex (b,) of the parabolas through three points, kept inside, and how much higher it is; the middle point
     where there is no parabola.
     """

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.sizing.joint_sizing import Peak
 from bellcrank.sizing.motion_grid import Grid, rows_at_once
-from bellcrank.sizing.shaft_sizing import Peak
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.mechanism import Mechanism

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 from bellcrank.notes import Note
-from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
-from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
+
+if TYPE_CHECKING:
+    from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
+    from bellcrank.sizing.result import Sizing
 
 NO_LIMIT = "no limit given"
 UNKNOWN = "unknown"

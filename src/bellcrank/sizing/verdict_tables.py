@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts
-from bellcrank.sizing.selection.selection import CriterionResult
+from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.tables import percent, reserve_note, selected_for, undetermined_lines, wrapped
+
+if TYPE_CHECKING:
+    from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts
 
 
 def table(verdicts: DriveVerdicts) -> str:

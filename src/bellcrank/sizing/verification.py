@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.dynamics.drive_loops import DriveDynamics
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.errors import InputError
-from bellcrank.files import json_files
 from bellcrank.files.access import FileAccess, Trust
+from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.notes import Note, WithNotes
@@ -79,7 +79,7 @@ class FollowedAxis:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SelectionVerification(WithNotes):
+class SelectionVerification(WithNotes, WithJson):
     """Whether the axes of a robot follow its motions with their drives in the loop; made by `verify_selection`.
 
     Attributes:
@@ -105,6 +105,7 @@ class SelectionVerification(WithNotes):
     unfinished: tuple[tuple[str, str], ...]
     band: Mapping[str, float]
     warnings: tuple[str, ...]
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     def __repr__(self) -> str:
         return f"SelectionVerification('{self.robot}', {self.verdict})"
@@ -229,27 +230,6 @@ class SelectionVerification(WithNotes):
             "band": dict(self.band),
             "notes": [str(text) for text in self.warnings],
         }
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write the result as JSON.
-
-        Args:
-            path: The file to write.
-
-        Returns:
-            The path of the file.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> bc.verify_selection("manutec_axis").to_json("verification.json").name
-            'verification.json'
-        """
-        return json_files.write_json(
-            arguments.path("path", path, "the path of a file"), self.as_dict(), ascii_only=True
-        )
 
 
 @arguments.named

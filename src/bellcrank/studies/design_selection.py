@@ -8,11 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
-from bellcrank.files.json_files import write_json
+from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.sizing.selection.selection import Selection
@@ -68,18 +66,41 @@ class DesignRow:
         return bool(self.reason) or not self.proof.startswith("best found")
 
 
+@dataclass(frozen=True)
+class Inside:
+    """How continuous values were searched.
+
+    Attributes:
+        sampled: How many designs of the ranges were run first.
+        searched: For how many lighter combinations of pairs values were searched.
+        gap: How much less mass or cost, at most, a combination has that was neither tried nor left out; None where the
+            objective is neither.
+        nearest: The lighter combination that comes nearest to passing, by axis; empty where none was tried.
+        nearest_use: Its least largest utilisation.
+    """
+
+    sampled: int
+    searched: int = 0
+    gap: float | None = None
+    nearest: tuple[str, ...] = ()
+    nearest_use: float = math.inf
+
+
 @dataclass(frozen=True, eq=False)
-class DesignSelection:
+class DesignSelection(WithJson, WithCsv):
     """The result of `select_designs`.
+
+    `to_csv` writes a row for each design.
 
     Attributes:
         scene: The best design, with the actuators of the file.
         axes: What is varied.
-        rows: The designs in the order of the grid, the last axis fastest.
+        rows: The designs in the order of the grid, the last axis fastest; where ranges are varied, as they were run.
         best: The number of the best design.
         selection: Its motors and gears.
         count: How many designs there are.
         complete: False after Ctrl-C.
+        inside: How ranges were searched; None where none is varied.
 
     Example:
         >>> import bellcrank as bc
@@ -95,6 +116,7 @@ class DesignSelection:
     selection: Selection
     count: int
     complete: bool
+    inside: Inside | None = None
 
     def __repr__(self) -> str:
         return f"DesignSelection('{self.scene.name}', {len(self.rows)} of {self.count} designs, best: {self._said()})"
@@ -113,10 +135,17 @@ class DesignSelection:
 
     @property
     def gap(self) -> float:
-        """0 where each design was tried, and for each every combination of motors and gears was tried or excluded: no
-        other one is ranked better. Otherwise it is not known, and infinite.
+        """How much better than the result, at most, what was neither tried nor excluded is; infinite where not known.
+
+        0 where each design was tried, and for each every combination of motors and gears was tried or excluded. Where
+        ranges are varied, kg or the currency of the objective, as far as the sample and local searches show, which are
+        no proof; infinite for the objectives "loss" and "margin".
         """
-        return 0.0 if self.complete and all(row.searched for row in self.rows) else math.inf
+        if not self.complete or not all(row.searched for row in self.rows):
+            return math.inf
+        if self.inside is None:
+            return 0.0
+        return math.inf if self.inside.gap is None else self.inside.gap
 
     @property
     def notes(self) -> tuple[Note, ...]:
@@ -127,6 +156,13 @@ class DesignSelection:
         if left := sum(not row.searched for row in self.rows):
             said.append(
                 Note(f"of {left} designs some combinations of motors were neither tried nor excluded", "changes")
+            )
+        if (one := self.inside) is not None and one.nearest:
+            said.append(
+                Note(
+                    f"of {one.searched} lighter or cheaper combinations for which values were searched, the nearest, "
+                    f"{' '.join(one.nearest)}, is used to {one.nearest_use:.1%} at best"
+                )
             )
         if failed := [row.reason for row in self.rows if row.reason]:
             said.append(Note(f"{len(failed)} designs cannot be built or judged: {failed[0]}"))
@@ -161,7 +197,10 @@ class DesignSelection:
         text = ["  ".join(f"{it:<{width}}" for it, width in zip(line, widths, strict=True)).rstrip() for line in lines]
         if len(ordered) > SHOWN:
             text.append(f"and {len(ordered) - SHOWN} more designs")
-        gap = "0" if self.gap == 0.0 else "not known"
+        gap = f"{self.gap:.4g}" if math.isfinite(self.gap) else "not known"
+        if self.inside is not None and math.isfinite(self.gap):
+            gap += f" {'kg' if self.selection.objective == 'mass' else ''}".rstrip()
+            gap += ", as far as samples and local searches show"
         return "\n".join([*text, f"{len(self.rows)} of {self.count} designs were tried; gap to the best: {gap}"])
 
     def as_dict(self) -> dict[str, Any]:
@@ -188,52 +227,21 @@ class DesignSelection:
             "verified": self.selection.verified,
             "complete": self.complete,
             "gap": self.gap if math.isfinite(self.gap) else None,
+            "ranges": self._inside_data(),
             "designs": [{name: None if value == "" else value for name, value in row.items()} for row in rows],
             "notes": [note.to_dict() for note in self.notes],
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
+    def _inside_data(self) -> dict[str, Any] | None:
+        """How ranges were searched, as data for JSON."""
+        if (one := self.inside) is None:
+            return None
+        use = one.nearest_use if math.isfinite(one.nearest_use) else None
+        return {"sampled": one.sampled, "searched": one.searched, "nearest": list(one.nearest), "nearest_use": use}
 
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> result = bc.select_designs("geared_pendulum", {"link.pendulum.mass": [2, 3]}, makers="ROBOTIS")
-            >>> result.to_json("designs.json").name
-            'designs.json'
-        """
-        return write_json(arguments.path("path", path, "the path of a file"), self.as_dict(), indent=2)
-
-    def to_csv(self, path: str | Path) -> Path:
-        """Write a row for each design as CSV, with units in the header.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path. Cells that are not known are empty.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> result = bc.select_designs("geared_pendulum", {"link.pendulum.mass": [2, 3]}, makers="ROBOTIS")
-            >>> result.to_csv("designs.csv").read_text().split(",")[0]
-            'link.pendulum.mass [kg]'
-        """
-        target = arguments.path("path", path, "the path of a file")
+    def _csv_text(self) -> str:
         rows: list[Sequence[object]] = [[*(axis.label for axis in self.axes), *HEAD]]
-        write_text(target, csv_text([*rows, *map(self._cells, self.rows)]))
-        return target
+        return csv_text([*rows, *map(self._cells, self.rows)])
 
     def write_config(self, path: str | Path) -> Path:
         """Write the robot configuration with the best sizes and the chosen motors and gears (`Selection.write_config`).

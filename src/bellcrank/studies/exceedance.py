@@ -110,9 +110,12 @@ def parse_limit(text: str, units: Mapping[str, str], option: str = "--limit", *,
     if found is None or not text[: found.start()].strip():
         raise InputError(f"{where}: {EXPECTED_CONDITION if kept else EXPECTED}")
     measure = text[: found.start()].strip()
-    if measure not in units:
-        raise InputError(f"{where}: {unknown_name('measure', measure, units)}")
-    unit = units[measure]
+    try:
+        if measure not in units:
+            raise InputError(unknown_name("measure", measure, units))
+        unit = units[measure]
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     try:
         value = parse_number(text[found.end() :].strip(), "" if unit == "1" else unit)
     except ValueError as error:

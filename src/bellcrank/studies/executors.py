@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import Self
+
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.studies.execution import Executor
+from bellcrank.studies.execution import Executor, Part, Work
 from bellcrank.studies.local_execution import LocalExecutor
 
 MOST_THREADS = 1024
 MOST_WORKERS = 1024
+
+
+class Opened:
+    """An executor whose block lasts longer than one study."""
+
+    def __init__(self, executor: Executor) -> None:
+        self.executor = executor
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """That of the executor."""
+        return self.executor.environment
+
+    def run(self, work: Work) -> Iterator[Part]:
+        """The parts of the executor."""
+        return self.executor.run(work)
 
 
 def choose_executor(threads: int | None, workers: int | None = None, scheduler: str | None = None) -> Executor:

@@ -98,13 +98,14 @@ def _event_measures(runs: Runs, name: str) -> Iterator[Measure]:
         *_positions(name, robot, state[:, : system.nq]),
         *_velocities(name, robot, state[:, system.nq : system.nq + system.nv]),
     ]
-    here = runs.at(present, time, state)
+    held = found.held_event[rows, numbers]
+    here = runs.at(present, time, state, held)
     if runs.scene.constraints:
         measures += _forces(name, system.multiplier_names, here.evaluated(system.constraint)[0])
     for k in places:
         if runs.scene.events[k].latch:
             own = present & (numbers == k)
-            _, _, impulse, lost = runs.at(own, time, state).evaluated(system.latch(k))
+            _, _, impulse, lost = runs.at(own, time, state, held).evaluated(system.latch(k))
             yield from (measure._replace(present=present) for measure in measures)
             yield Measure(f"{name}.impulse", runs.scene.events[k].impulse_unit, impulse[:, 0], own)
             yield Measure(f"{name}.energy_lost", "J", lost[:, 0], own)
@@ -118,7 +119,7 @@ def _end_measures(runs: Runs) -> Iterator[Measure]:
     yield Measure("end.time", "s", found.end_time)
     yield from _positions("end", robot, state[:, : system.nq])
     yield from _velocities("end", robot, state[:, system.nq : system.nq + system.nv])
-    end = runs.at(None, found.end_time, state)
+    end = runs.at(None, found.end_time, state, found.held_end)
     if runs.scene.constraints:
         yield from _forces("end", system.multiplier_names, end.evaluated(system.constraint)[0])
     if system.has_work:
@@ -138,7 +139,8 @@ def _energy_drift(runs: Runs) -> Array:
     """`Trajectory.energy_drift` from the extremes of sums of energies (dynamics/observed_quantities.py)."""
     system, found = system_of(runs.scene), runs.result
     energies = system.observed_layout.energies
-    begun = runs.at(None, np.zeros(len(runs)), runs.start).evaluated(system.observe)[0][:, energies]
+    start = runs.at(None, np.zeros(len(runs)), runs.start, found.held_start)
+    begun = start.evaluated(system.observe)[0][:, energies]
     balance, potential = begun[:, 0], 0.5 * (begun[:, 1] - begun[:, 2])
     least, largest = found.least[:, energies], found.largest[:, energies]
     gap = np.maximum(largest[:, 0] - balance, balance - least[:, 0])

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
+from bellcrank.simulation.held_entries import found_signals
+from bellcrank.simulation.integration import repeat_run
 from bellcrank.simulation.non_finite import AHEAD, causes
 from bellcrank.simulation.statistics import Statistics
 from bellcrank.simulation.status import Status
@@ -93,22 +95,25 @@ def _reasons_of_ends(runs: Runs, rows: NDArray[np.intp], status: Status) -> Sequ
         return [status.advice] * len(rows)
     found = runs.result
     last = found.end_time[rows], found.end_state[rows], runs.parameters[rows]
-    clauses = causes(runs.scene, last, runs.signals, np.multiply.outer(runs.duration[rows], AHEAD))
+    ahead = np.multiply.outer(runs.duration[rows], AHEAD)
+    clauses = causes(runs.scene, last, runs.signals, ahead, found.held_end[rows])
     return ["; ".join(filter(None, [clause, status.advice])) for clause in clauses]
 
 
 def _last_row(runs: Runs, row: int, status: Status) -> Trajectory:
     """The last state of a run."""
     time = runs.result.end_time[row : row + 1]
+    found = found_signals(runs.scene, time, runs.result.held_end[row : row + 1])
     return Trajectory(
         scene=runs.scene,
         settings=replace(runs.scene.settings, duration=float(runs.duration[row])),
         time=time,
         state=runs.result.end_state[row : row + 1],
         parameters=runs.parameters[row],
-        signals=runs.signals,
+        signals=(*runs.signals, *found),
         status=status,
         events=(),
         statistics=Statistics(steps=0, rejected=0, evaluations=0, jacobians=0, factorisations=0, kernel_time=0.0),
         steps=time,
+        repeat=repeat_run,
     )

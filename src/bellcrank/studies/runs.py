@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.simulation.ensemble_problem import EnsembleResult
+from bellcrank.simulation.held_entries import known_signals
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
@@ -27,12 +27,11 @@ class Runs:
 
     Attributes:
         scene: The scene of one of them.
-        signals: The signals that they followed.
+        signals: The signals that all of them followed; what each found is in the result.
         duration: The durations that were asked for (n,), s.
         parameters: p (n, np).
         start: The starts x (n, size).
         result: What the integrator found.
-        found: The signals of each run, where they are not the same for all; None where they are.
     """
 
     scene: Scene
@@ -41,7 +40,6 @@ class Runs:
     parameters: Array
     start: Array
     result: EnsembleResult
-    found: Sequence[tuple[Signal, ...]] | None = None
 
     def __len__(self) -> int:
         return len(self.start)
@@ -52,7 +50,7 @@ class Runs:
         p, start = system_parameters(scene), np.zeros((0, system_of(scene).size))
         return cls(
             scene=scene,
-            signals=scene.signals,
+            signals=known_signals(scene, scene.signals),
             duration=np.zeros(0),
             parameters=np.zeros((0, len(p))),
             start=start,
@@ -72,21 +70,15 @@ class Runs:
             parameters=self.parameters[rows],
             start=self.start[rows],
             result=replace(self.result, **arrays),
-            found=None if self.found is None else [self.found[row] for row in rows.tolist()],
         )
 
-    def at(self, present: Mask | None, time: Array, state: Array) -> StatesOfRuns:
-        """States (n, size) of all runs, or of those that have them, at times (n,) s."""
+    def at(self, present: Mask | None, time: Array, state: Array, held: Array) -> StatesOfRuns:
+        """States (n, size) of all runs, or of those that have them, at times (n,) s, with the held entries (n, h)."""
         rows = None if present is None or present.all() else np.flatnonzero(present)
         if rows is not None:
-            time, state = time[rows], state[rows]
+            time, state, held = time[rows], state[rows], held[rows]
         p = self.parameters if rows is None else self.parameters[rows]
-        if self.found is None:
-            inputs = values_at(self.signals, time)
-        else:
-            which = range(len(self)) if rows is None else rows.tolist()
-            each = [values_at(self.found[row], time[k : k + 1]) for k, row in enumerate(which)]
-            inputs = np.concatenate([np.zeros((0, sum(s.size for s in self.scene.signal_sources))), *each])
+        inputs = np.hstack([values_at(self.signals, time), held])
         return StatesOfRuns(count=len(self), rows=rows, time=time, state=state, inputs=inputs, parameters=p)
 
 
@@ -119,6 +111,7 @@ def empty_result(scene: Scene, count: int) -> EnsembleResult:
     """The record of so many runs of a scene before anything is known of them."""
     system = system_of(scene)
     size, events, observed = system.size, len(scene.events), system.observed_layout.size
+    held = sum(source.width for source in scene.held_sources)
     return EnsembleResult(
         done=np.zeros(count, dtype=bool),
         status=np.zeros(count, dtype=np.int64),
@@ -132,6 +125,9 @@ def empty_result(scene: Scene, count: int) -> EnsembleResult:
         undefined=np.zeros((count, events), dtype=np.int64),
         least=np.full((count, observed), np.nan),
         largest=np.full((count, observed), np.nan),
+        held_start=np.full((count, held), np.nan),
+        held_end=np.full((count, held), np.nan),
+        held_event=np.full((count, events, held), np.nan),
         accepted=np.zeros(count, dtype=np.int64),
         rejected=np.zeros(count, dtype=np.int64),
         evaluations=np.zeros(count, dtype=np.int64),

@@ -136,7 +136,7 @@ class SampleStatistics(Portable):
         """Draw a histogram of each measure, with limits and the probability that they are exceeded.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
             measures: Names of measures; by default those with limits, else `default_measures`.
             limits: Limits such as "lock.time > 13 s".
 
@@ -152,7 +152,7 @@ class SampleStatistics(Portable):
             >>> len(found.statistics.plot(limits=["lock.time > 13 s"]).axes)
             1
         """
-        from bellcrank.studies.tolerance_plot import plot_distributions
+        from bellcrank.studies.statistics_plots import plot_distributions
 
         listed = arguments.several("limits", limits, str, "limits", alone=True)
         found = [self.exceedance(limit) for limit in listed]

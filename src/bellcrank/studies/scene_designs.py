@@ -19,11 +19,11 @@ from bellcrank.dynamics.consistent_start import consistent_start
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.system import start_states, system_of, system_parameters
-from bellcrank.errors import BellcrankError
+from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.baumgarte_gains import automatic_gains
 from bellcrank.simulation.drive_gains import tuned
-from bellcrank.simulation.integration import refuse_infinite_start, refuse_open_contact
+from bellcrank.simulation.integration import impossible_contacts, refuse_infinite_start, refuse_open_contact
 from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import DesignAxis, Kind, PlainAxis, admitted, plain_axes
 from bellcrank.studies.variant_designs import VariantDesigns
@@ -227,5 +227,7 @@ def _checked_start(scene: Scene) -> tuple[Scene, Array, Array]:
     q, v = consistent_start(scene)
     start = start_states(scene, q[None], v[None], parameters)[0]
     refuse_open_contact(scene, parameters, start)
+    for text in impossible_contacts(scene, parameters[None], q[None]).values():
+        raise InputError(f"{scene.source}: {text}")
     refuse_infinite_start(scene, parameters, start)
     return scene, parameters, start

@@ -6,14 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
-from bellcrank.files.json_files import write_json
+from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.studies.axes import Axis
 from bellcrank.studies.columns import Columns
@@ -29,8 +28,10 @@ HEAD = ("measure", "parameter", "first order", "low", "high", "total", "low", "h
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivity(Portable):
+class Sensitivity(Portable, WithJson, WithCsv):
     """The result of `sobol_indices`.
+
+    `to_csv` writes the indices of all measures, one row a measure and parameter, empty where it does not vary.
 
     Attributes:
         title: What was studied.
@@ -54,6 +55,7 @@ class Sensitivity(Portable):
     sample: SensitivitySample
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
+    json_layout: ClassVar = JsonLayout(1)
 
     def __repr__(self) -> str:
         return f"Sensitivity('{self.title}' to {', '.join(self.parameters)}: {self.sample.count} designs)"
@@ -129,57 +131,19 @@ class Sensitivity(Portable):
         ]
         return "\n".join([rows[0], "-" * (sum(widths) + 6), *rows[1:], *notes])
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write the indices of all measures as CSV, one row a measure and parameter.
-
-        Args:
-            path: The file, which is replaced in one step.
+    def as_dict(self) -> dict[str, Any]:
+        """The indices of all measures, the sample and the numbers of failed designs as data for JSON.
 
         Returns:
-            The path of the file. The cells of a measure that does not vary are empty.
-
-        Raises:
-            InputError: The file cannot be written.
+            The indices by measure, and what they were computed from.
 
         Example:
-            >>> import bellcrank as bc, pathlib, tempfile
+            >>> import bellcrank as bc
             >>> found = bc.sobol_indices("four_bar", {"crank_length": "normal(1.24 m, 1 mm)"}, n=2)
-            >>> file = found.to_csv(pathlib.Path(tempfile.mkdtemp()) / "indices.csv")
-            >>> file.read_text().split(",")[:3]
-            ['measure', 'parameter', 'first order']
-        """
-        target = arguments.path("path", path, "the path of a file")
-        rows: list[Sequence[object]] = [HEAD]
-        for name in self.units:
-            found = self.indices(name)
-            for parameter, first, total in zip(found.parameters, found.first, found.total, strict=True):
-                numbers = [(each.value, *each.interval) for each in (first, total)]
-                cells = [float(number) if math.isfinite(number) else "" for part in numbers for number in part]
-                rows.append([name, parameter, *cells])
-        write_text(target, csv_text(rows))
-        return target
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write the indices of all measures, the sample and the numbers of failed designs as JSON.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            The path of the file. Numbers that are not finite are null.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, json, pathlib, tempfile
-            >>> found = bc.sobol_indices("four_bar", {"crank_length": "normal(1.24 m, 1 mm)"}, n=2)
-            >>> file = found.to_json(pathlib.Path(tempfile.mkdtemp()) / "indices.json")
-            >>> list(json.loads(file.read_text()))
+            >>> list(found.as_dict())
             ['title', 'sample', 'designs', 'parameters', 'units', 'indices']
         """
-        target = arguments.path("path", path, "the path of a file")
-        document = {
+        return {
             "title": self.title,
             "sample": {"n": self.sample.size, "replicates": self.sample.replicates, "seed": self.sample.seed},
             "designs": self.sample.count,
@@ -187,13 +151,22 @@ class Sensitivity(Portable):
             "units": dict(self.units),
             "indices": {name: _plain(self.indices(name)) for name in self.units},
         }
-        return write_json(target, document)
+
+    def _csv_text(self) -> str:
+        rows: list[Sequence[object]] = [HEAD]
+        for name in self.units:
+            found = self.indices(name)
+            for parameter, first, total in zip(found.parameters, found.first, found.total, strict=True):
+                numbers = [(each.value, *each.interval) for each in (first, total)]
+                cells = [float(number) if math.isfinite(number) else "" for part in numbers for number in part]
+                rows.append([name, parameter, *cells])
+        return csv_text(rows)
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
         """Draw the indices as bars with their intervals, the most influential parameter on top.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
             measures: Names of measures; by default `statistics.default_measures`.
 
         Returns:
@@ -208,11 +181,12 @@ class Sensitivity(Portable):
             >>> len(found.plot(measures=["lock.crank"]).axes)
             1
         """
-        from bellcrank.studies.sobol_plot import plot_indices
+        from bellcrank.studies.statistics_plots import plot_indices
 
         shown = [self.indices(name) for name in self._measures(measures)]
-        target = None if path is None else arguments.path("path", path, "the path of a picture")
-        return plot_indices(shown, f"{self.title}: Sobol indices from {self.sample.count} designs", target)
+        return plot_indices(
+            shown, f"{self.title}: Sobol indices from {self.sample.count} designs", arguments.picture(path)
+        )
 
     def _measures(self, given: Sequence[str] | None) -> tuple[str, ...]:
         if given is None:

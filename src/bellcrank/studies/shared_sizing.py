@@ -23,6 +23,7 @@ from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Damper, Friction
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.supply import Supply
+from bellcrank.motion.entry_kinds import WaypointsEntry
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.traced_tree import MASS, SCALE
 from bellcrank.scene.scene import Scene
@@ -150,6 +151,14 @@ class SharedSizing(Portable):
         """The motions along which designs are sized."""
         return [DesignMotion(self.mechanism, motion, self.torques, self.representative) for motion in self.motions]
 
+    def entry(self, motion: str) -> WaypointsEntry | None:
+        """The entry of a motion of which designs have waypoints of their own; None for other motions."""
+        if not any(change.kind == "waypoint" and change.owner == motion for change in self.changes):
+            return None
+        entry = self.scene.config.motions[motion]
+        assert isinstance(entry, WaypointsEntry)
+        return entry
+
     @cached_property
     def dependent(self) -> DependentDesigns | None:
         """Where the designs of a linkage differ in lengths: what makes their motions."""
@@ -194,16 +203,21 @@ class SharedSizing(Portable):
         """Why designs are sized one by one; empty where they are sized together."""
         others = [change.path for change in self.changes if change.kind == "override"]
         if others:
-            return f"'{others[0]}' is no parameter of the equations, rating of an actuator or duration"
+            return f"'{others[0]}' is no parameter of the equations, rating of an actuator, duration or waypoint"
         if self.scene.config.transmissions:
             return "the robot has coupled transmissions"
         if self.scene.config.duty:
             return "its motors are judged along a duty program"
         if any(not one.rows[0].by_ratings for one in self.loads.actuators.values()):
             return "a motor and gear of a catalogue are judged by all of their criteria"
-        stretched = any(change.kind == "duration" for change in self.changes)
-        if stretched and (coulomb_widths(self.mechanism) or self._timed):
-            return "Coulomb friction, or what depends on time, does not scale with the duration of a motion"
+        timed = any(change.kind in ("duration", "waypoint") for change in self.changes)
+        if timed and (coulomb_widths(self.mechanism) or self._timed):
+            return "Coulomb friction, or what depends on time, does not scale with the times of a motion"
+        own = [change.path for change in self.changes if change.kind == "waypoint"]
+        if own and self.mechanism.closed:
+            return f"'{own[0]}' changes how the joints of a linkage move"
+        if own and any((joint.nq, joint.nv) != (1, 1) for joint in self.mechanism.robot.joints):
+            return f"'{own[0]}' changes a motion, and a joint has several degrees of freedom"
         return self._reason_of_linkage(self.mechanism) if isinstance(self.mechanism, Linkage) else ""
 
     @property

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +12,25 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.system import system_of
+from bellcrank.elements.signals import values_at
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.ensemble import EnsembleStarts, integrate_ensemble
 from bellcrank.simulation.ensemble_problem import EnsembleResult
+from bellcrank.simulation.held_entries import known_signals
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory import Trajectory
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.measures import default_measures, run_measures, start_measures
 from bellcrank.studies.plain_axes import DesignAxis
-from bellcrank.studies.result_table import ResultTable
-from bellcrank.studies.run_outcomes import outcomes
-from bellcrank.studies.runs import Runs, empty_result
+from bellcrank.studies.run_outcomes import INFEASIBLE, STATUSES, outcomes
+from bellcrank.studies.runs import Runs
 from bellcrank.studies.scene_designs import DesignGroup, SceneDesigns
-from bellcrank.studies.single_runs import single_runs, store_run
+
+if TYPE_CHECKING:
+    from bellcrank.studies.measures import Measure
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], object]
@@ -118,12 +122,11 @@ class SimulationRunner(Portable):
         self, group: DesignGroup, values: Array, threads: int, progress: Progress | None
     ) -> tuple[Runs, NDArray[np.int64]]:
         """The runs of a group of designs and their rows: all, or those that were done before an interruption."""
-        if group.scene.held_sources:
-            return self._single_runs(group, progress)
         scene, signals, duration = group.scene, group.scene.signals, group.duration
         end = prescribed_motion_end(scene)
         if end is not None:
             signals, duration = signals_until(scene, end.time), np.minimum(duration, end.time)
+        signals = known_signals(scene, signals)
         starts = EnsembleStarts(
             parameters=group.parameters,
             start=group.start,
@@ -148,19 +151,6 @@ class SimulationRunner(Portable):
         done = np.flatnonzero(result.done)
         return runs.part(done), group.rows[done]
 
-    def _single_runs(self, group: DesignGroup, progress: Progress | None) -> tuple[Runs, NDArray[np.int64]]:
-        """The same, where each run finds some of its signals and so steps by itself."""
-        runs = replace(
-            Runs.none(group.scene),
-            duration=group.duration,
-            parameters=group.parameters,
-            start=group.start,
-            result=empty_result(group.scene, len(group.rows)),
-        )
-        found = single_runs(group, runs.result, progress)
-        done = np.flatnonzero(runs.result.done)
-        return replace(runs, found=[found.get(row, ()) for row in range(len(group.rows))]).part(done), group.rows[done]
-
     def _scene(self, values: Array) -> Scene:
         """The scene of a design with values (axes,)."""
         return self.scene.with_overrides(self.designs.overrides(values.tolist()))
@@ -177,9 +167,112 @@ class SimulationRunner(Portable):
             if run.status is Status.INTERRUPTED:
                 result.done[row:] = False
                 return
-            store_run(result, row, run)
+            _store(result, row, run)
 
 
 def _beyond(done: int, progress: Progress | None) -> Progress | None:
     """A function that reports so many more designs."""
     return None if progress is None else lambda count: progress(done + count)
+
+
+def _store(result: EnsembleResult, row: int, run: Trajectory) -> None:
+    """Put what a run found into a row of the record; extremes are those of the run's rows."""
+    system, events, known = system_of(run.scene), run.scene.events, set[str]()
+    size = system.nq + system.nv + system.nz
+    found = run.signals[len(known_signals(run.scene, run.signals)) :]
+
+    def held(time: float) -> Array:
+        values: Array = values_at(found, np.array([time]))[0]
+        return values
+
+    result.held_start[row], result.held_end[row] = held(0.0), held(float(run.time[-1]))
+    result.status[row] = list(Status).index(run.status)
+    result.end_time[row], result.end_state[row] = run.time[-1], run.state[-1]
+    result.stopped_by[row] = -1
+    for k, rule in enumerate(events):
+        mine = [event for event in run.events if event.name == rule.name and rule.name not in known]
+        known.add(rule.name)
+        lost = [it for it in run.statistics.unresolved if it.event == rule.name]
+        result.event_count[row, k] = len(mine) + run.statistics.omitted_events.get(rule.name, 0)
+        result.unresolved[row, k] = sum(it.steps for it in lost if not it.undefined)
+        result.undefined[row, k] = sum(it.steps for it in lost if it.undefined)
+        result.event_time[row, k], result.event_state[row, k] = np.nan, np.nan
+        if mine:
+            result.event_time[row, k] = mine[0].time
+            result.event_state[row, k, :size] = mine[0].state
+            result.event_state[row, k, size:] = 0.0  # the work there is not kept
+            result.held_event[row, k] = held(mine[0].time)
+        if any(event.stopped for event in mine):
+            result.stopped_by[row] = k
+    with np.errstate(all="ignore"):
+        values = [system.observe(*part._arguments).reshape(len(part), -1) for part in run.parts()]
+    result.least[row] = np.min([each.min(axis=0) for each in values], axis=0)
+    result.largest[row] = np.max([each.max(axis=0) for each in values], axis=0)
+    statistics = run.statistics
+    result.accepted[row], result.rejected[row] = statistics.steps, statistics.rejected
+    result.evaluations[row] = statistics.evaluations
+    result.single[row] = result.done[row] = True
+
+
+# ---- The rows of a block of designs while they are filled in.
+
+
+Rows = NDArray[np.int64]
+
+
+class ResultTable:
+    """n designs with measures of these names, none of them known at first.
+
+    Attributes:
+        known: The designs that are done (n,).
+    """
+
+    def __init__(self, names: Iterable[str], count: int) -> None:
+        self.known = np.zeros(count, dtype=np.bool_)
+        self._status = np.full(count, STATUSES.index(INFEASIBLE), dtype=np.int8)
+        self._measures = {name: np.full(count, np.nan) for name in names}
+        self._reasons: dict[int, str] = {}
+
+    @property
+    def count(self) -> int:
+        """How many designs are done."""
+        return int(np.count_nonzero(self.known))
+
+    def refuse(self, infeasible: Mapping[int, str]) -> None:
+        """Designs that cannot be built, with the reason of each row."""
+        self.known[list(infeasible)] = True
+        self._reasons |= infeasible
+
+    def fill(self, rows: Rows | slice, measures: Sequence[Measure]) -> None:
+        """The measures of some rows. What a run has and is not a finite number becomes infinite."""
+        for measure in measures:
+            if measure.name not in self._measures:
+                raise BellcrankError(
+                    f"measure '{measure.name}' of a design is not one of the study (a fault of bellcrank); vary around "
+                    "a design that has it"
+                )
+            values, undefined = measure.values, np.isnan(measure.values)
+            if measure.present is not None:
+                undefined &= measure.present
+            self._measures[measure.name][rows] = np.where(undefined, np.inf, values) if undefined.any() else values
+
+    def settle(self, rows: Rows, status: NDArray[np.int8], reasons: Mapping[int, str]) -> None:
+        """The statuses of these rows, and reasons by their place among them."""
+        self._status[rows] = status
+        self._reasons |= {int(rows[k]): reason for k, reason in reasons.items()}
+        self.known[rows] = True
+
+    def columns(self) -> Columns:
+        """All rows."""
+        return Columns(statuses=STATUSES, status=self._status, measures=self._measures, reasons=self._reasons)
+
+    def settled(self) -> tuple[NDArray[np.intp], Columns]:
+        """The rows that are done, and their results."""
+        rows = np.flatnonzero(self.known)
+        place = {row: k for k, row in enumerate(rows.tolist())}
+        return rows, Columns(
+            statuses=STATUSES,
+            status=self._status[rows],
+            measures={name: column[rows] for name, column in self._measures.items()},
+            reasons={place[row]: reason for row, reason in self._reasons.items() if row in place},
+        )

@@ -1,9 +1,9 @@
-"""What the axes of a study of sizings change: parameters of the equations, ratings of actuators, durations of motions.
+"""What the axes of a study of sizings change: parameters of the equations, ratings of actuators, motions.
 
 A path names what a parameter of a scene can set (link.forearm_link.mass, joint.elbow.origin.x, frame.tip.origin.x), a
 number of a payload (payload.mass, payload.cg.z, payloads.2.inertia.xx), a parameter of the scene, a rating of an
-actuator (actuators.elbow.ratio) or the duration of a motion (motions.pick.duration). Any other path is an override of
-the scene.
+actuator (actuators.elbow.ratio), the duration of a motion (motions.pick.duration), or the time or a joint of a waypoint
+(motions.pick.times.2, motions.pick.positions.2.elbow). Any other path is an override of the scene.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,38 +22,25 @@ from bellcrank.elements.element import Bound
 from bellcrank.elements.parameters import is_of_the_tree, parameter_bounds, parameter_name, target_of
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.entry_kinds import DwellEntry, JoinEntry
+from bellcrank.motion.entry_kinds import WaypointsEntry, joins
 from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.pinocchio_model import LEAST_MASS
 from bellcrank.robot.traced_tree import INERTIA, MASS, ORIGIN, SCALE
 from bellcrank.scene.scene import Scene
+from bellcrank.studies.plain_axes import DesignAxis
 
 Array = NDArray[np.float64]
-Kind = Literal["parameter", "rating", "duration", "override"]
+Kind = Literal["parameter", "rating", "duration", "waypoint", "override"]
 LARGEST = 1e9  # of numbers that certainly fit; larger ones are left to the checks of a single sizing
 SMALLEST = 1e-9  # of numbers above 0 that certainly fit
+PLACEMENT = re.compile(r"\Amotions\..+\.placement\.(x|y|z|yaw)\Z")
 _PAYLOAD = re.compile(r"\Apayloads?(?:\.(\d+))?\.(mass|cg|inertia)(?:\.(\w+))?\Z")
 _DURATION = re.compile(r"\Amotions\.(.+)\.duration\Z")
+_WAYPOINT = re.compile(r"\Amotions\.(.+)\.(times|positions)\.(\d+)(?:\.(.+))?\Z")
+_OF_MOTION = re.compile(
+    r"\Amotions\..+\.(times|center|begin|end|points|radius|placement\.[xyz]|placement\.yaw)(\.\d+)?\Z"
+)
 _RATING = re.compile(r"\Aactuators\.(.+)\.(\w+)\Z")
-
-
-class DesignAxis(Protocol):
-    """What is needed of an axis of a study."""
-
-    @property
-    def path(self) -> str:
-        """What is varied."""
-
-    @property
-    def unit(self) -> str:
-        """The unit of its numbers."""
-
-    @property
-    def numeric(self) -> bool:
-        """Whether its values are numbers."""
-
-    def value(self, number: float) -> Any:
-        """The value for which a number stands, in the form that a scene accepts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +48,14 @@ class Change:
     """What an axis changes.
 
     Attributes:
-        kind: A parameter of the equations, a rating, the duration of a motion, or another override.
+        kind: A parameter of the equations, a rating, the duration or a waypoint of a motion, or another override.
         path: The path of the override; of a parameter its name in the scene.
         unit: The unit of the number.
         owner: The joint of a rating, or the name of a motion.
         places: What the parameter sets in the tree, as (frame, quantity) of the tracer.
         bounds: Lower bounds of the number.
         moves: Whether it changes where joints or frames are, or a constraint.
+        waypoint: The number of the waypoint, and of its coordinate; None where its time is changed.
     """
 
     kind: Kind
@@ -77,6 +65,7 @@ class Change:
     places: tuple[tuple[int, int], ...] = ()
     bounds: tuple[Bound, ...] = ()
     moves: bool = False
+    waypoint: tuple[int, int | None] = (0, None)
 
     def certain(self, values: Array) -> NDArray[np.bool_]:
         """Whether each value (n,) is one that a scene certainly accepts; others are to be checked one by one."""
@@ -100,7 +89,7 @@ def unit_of(scene: Scene, path: str) -> str | None:
     Raises InputError for an unknown link, joint, payload or motion.
     """
     change, _ = _change(scene, path)
-    return None if change.kind == "override" else change.unit
+    return change.unit or None if change.kind == "override" else change.unit
 
 
 def changes_of(scene: Scene, axes: Sequence[DesignAxis]) -> tuple[Scene, tuple[Change, ...]]:
@@ -139,6 +128,30 @@ def present_value(scene: Scene, path: str) -> float:
     return _present(scene, *change.places[0])
 
 
+def present_duration(scene: Scene, path: str) -> float | None:
+    """The duration, s, that a path names, of a motion without such a key; None for any other path.
+
+    Raises InputError where the motion cannot be made.
+    """
+    match = _DURATION.match(path)
+    entry = scene.data.get("motions", {}).get(match[1]) if match else None
+    if match is None or not isinstance(entry, dict) or "duration" in entry:
+        return None
+    return scene.config.motion(scene.robot, match[1]).duration
+
+
+def override(scene: Scene, path: str, value: Any) -> tuple[str, Any]:
+    """The path and value that give a scene what a path names in a sizing: of the duration of a motion without such a
+    key, a speed factor. Raises InputError where the motion cannot be made.
+    """
+    now = present_duration(scene, path)
+    if now is None:
+        return path, value
+    path = path.removesuffix("duration") + "speed_factor"
+    factor = scene.data["motions"][path.split(".", 1)[1].removesuffix(".speed_factor")].get("speed_factor", 1.0)
+    return path, factor * now / parse_number(value, "s")
+
+
 def factors(axes: Sequence[DesignAxis], changes: Sequence[Change]) -> Array:
     """The factors (axes,) from the axes' units to SI units; 1 for what is no plain number."""
     return np.array(
@@ -174,7 +187,16 @@ def _change(scene: Scene, path: str) -> tuple[Change, str]:
         return Change(
             kind="parameter", path=path, unit=settable.unit, places=(place,), bounds=(settable.bound,), moves=moves
         ), target
-    return _rating(scene, path) or _duration(scene, path) or Change(kind="override", path=path), ""
+    known = _rating(scene, path) or _duration(scene, path) or _waypoint(scene, path)
+    return known or Change(kind="override", path=path, unit=_unit_of_motion(path)), ""
+
+
+def _unit_of_motion(path: str) -> str:
+    """The unit of a number of a motion's path or timing; empty where it is not known."""
+    match = _OF_MOTION.match(path)
+    if match is None or bool(match[2]) == (match[1] == "radius" or match[1].startswith("placement")):
+        return ""
+    return {"times": "s", "placement.yaw": "rad"}.get(match[1], "m")
 
 
 def _payload_target(scene: Scene, path: str) -> str:
@@ -227,14 +249,32 @@ def _duration(scene: Scene, path: str) -> Change | None:
     if match[1] not in entries:
         raise InputError(f"{scene.source}: '{path}': {unknown_name('motion', match[1], entries)}")
     entry = entries[match[1]]
-    if isinstance(entry, PathEntry | DwellEntry):  # the scene's own key
-        limited = isinstance(entry, PathEntry) and any(
-            getattr(entry.options, name) is not None for name in ("speed", "acceleration", "jerk")
-        )
-        joined = any(match[1] in one.parts for one in entries.values() if isinstance(one, JoinEntry))
-        if limited or joined:
-            return None
+    limited = isinstance(entry, PathEntry) and any(
+        getattr(entry.options, name) is not None for name in ("speed", "acceleration", "jerk")
+    )
+    if limited or any(joins(one, match[1]) for one in entries.values()):  # others change with it
+        return Change(kind="override", path=path, unit="s")
     return Change(kind="duration", path=path, unit="s", owner=match[1])
+
+
+def _waypoint(scene: Scene, path: str) -> Change | None:
+    """The change of a time or a joint's position that a motion through waypoints states; None for anything else."""
+    match, motions = _WAYPOINT.match(path), scene.config.motions
+    entry = None if match is None else motions.get(match[1])
+    if match is None or not isinstance(entry, WaypointsEntry) or not 1 <= int(match[3]) <= len(entry.times):
+        return None
+    if any(joins(one, match[1]) for one in motions.values()):
+        return None
+    k, key = int(match[3]) - 1, match[4]
+    if match[2] == "times":
+        return Change(kind="waypoint", path=path, unit="s", owner=match[1], waypoint=(k, None)) if key is None else None
+    posture = entry.positions[k]
+    for joint in scene.robot.joints:
+        stated = key in posture if isinstance(posture, dict) else (key or "").isdigit() and int(key) <= len(posture)
+        if joint.nq == 1 and stated and key == (joint.name if isinstance(posture, dict) else str(joint.q + 1)):
+            unit = "m" if joint.kind == "prismatic" else "rad"
+            return Change(kind="waypoint", path=path, unit=unit, owner=match[1], waypoint=(k, joint.q))
+    return None
 
 
 def _present(scene: Scene, frame: int, what: int) -> float:

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import RATINGS, Actuator
-from bellcrank.sizing.design_peaks import DesignInputs, DesignPeaks
+from bellcrank.motion.entry_kinds import WaypointsEntry
+from bellcrank.sizing.design_peaks import DesignInputs, DesignMotion, DesignPeaks
 from bellcrank.sizing.motion_states import MotionStates, OwnStates, SharedStates
+from bellcrank.sizing.waypoint_states import WaypointStates
 from bellcrank.studies.scene_designs import SceneDesigns
 from bellcrank.studies.shared_sizing import SharedSizing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+SHORTEST = 1e-4  # of a motion: designs whose waypoints are closer are sized one by one
 
 
 class SizingBatch:
@@ -36,7 +39,7 @@ class SizingBatch:
     def __len__(self) -> int:
         return len(self.values)
 
-    def _stretch(self, motion: str, duration: float) -> Array:
+    def _stretch(self, motion: str, duration: float | Array) -> Array:
         """The factors (n,) on the duration of a motion, s."""
         for change, column in zip(self.shared.changes, self.values.T, strict=True):
             if change.kind == "duration" and change.owner == motion:
@@ -51,10 +54,11 @@ class SizingBatch:
         places = [shared.with_actuator.index(k) for k in shared.known]
         each: list[DesignPeaks] = []
         good = np.ones(len(self), dtype=bool)
-        for states, motion in zip(self._states(good), shared.design_motions, strict=True):
+        states = self.states(good)
+        for own, motion in zip(states, shared.design_motions, strict=True):
             inputs = DesignInputs(
                 parameters=self.parameters,
-                states=states,
+                states=own,
                 joints=np.array(shared.known, dtype=np.intp),
                 actuators=tuple(self.actuators[place] for place in places),
                 ratings={name: column[:, places] for name, column in self.ratings.items()},
@@ -62,17 +66,21 @@ class SizingBatch:
             )
             each.append(motion.peaks(inputs))
             good &= each[-1].finite
-        found = self._joint_measures(each)
+        self._extremes = [self._extremes_along(k, own) for k, own in enumerate(states)]
+        found = {
+            f"{one.motion.name}.duration": own.duration for one, own in zip(shared.design_motions, states, strict=True)
+        }
+        found |= self._joint_measures(each)
         for place, k in enumerate(shared.with_actuator):
             found |= self._shaft_measures(place, k, each)
         return found, good
 
-    def _states(self, good: Mask) -> list[MotionStates]:
+    def states(self, good: Mask) -> list[MotionStates]:
         """The states of the designs along each motion; `good` (n,) becomes False where a design cannot follow one."""
         shared, dependent = self.shared, self.shared.dependent
         motions = zip(shared.design_motions, self.stretches, strict=True)
         if dependent is None:
-            return [SharedStates(one.motion, one.grid, stretch) for one, stretch in motions]
+            return [self._waypoints(one) or SharedStates(one.motion, one.grid, stretch) for one, stretch in motions]
         varied = [k for k, change in enumerate(shared.changes) if change.kind == "parameter"]
         designs = SceneDesigns(shared.scene, [_ParameterAxis(shared.changes[k].path) for k in varied])
         start = designs.block(self.values[:, varied]).start_position
@@ -92,6 +100,26 @@ class SizingBatch:
             )
         return found
 
+    def _waypoints(self, one: DesignMotion) -> WaypointStates | None:
+        """The states along a motion through waypoints of each design; None where designs share them."""
+        entry, robot = self.shared.entry(one.motion.name), self.shared.mechanism.robot
+        if entry is None:
+            return None
+        knots, points = waypoints_of(self.shared, entry, self.values)
+        own = (knots[:, -1] - knots[:, 0]) / entry.speed_factor
+        factor = self._stretch(one.motion.name, own) / entry.speed_factor
+        times = np.array(entry.times)
+        times = times[0] + 1.0 / entry.speed_factor * (times - times[0])  # of the motion, as `stretched` has them
+        return WaypointStates(robot.joints, one.grid, times, knots, points, factor, bool(self.shared.known))
+
+    def _extremes_along(self, k: int, states: MotionStates) -> dict[str, Array]:
+        """Of the motors' joints along the k-th motion (n, joints): see `SharedSizing.speeds`."""
+        if isinstance(states, WaypointStates):
+            motors = self.shared.mechanism.motors
+            return states.extremes([joint.q for joint in motors], [joint.v for joint in motors])
+        shared = {name: np.tile(each, (len(self), 1)) for name, each in self.shared.speeds[k].items()}
+        return shared | {"peak": shared["peak"] / self.stretches[k][:, None]}
+
     def _joint_measures(self, each: Sequence[DesignPeaks]) -> dict[str, Array]:
         """The measures at the joints."""
         shared, robot = self.shared, self.shared.mechanism.robot
@@ -103,7 +131,7 @@ class SizingBatch:
         holding = None if shared.holding is None else shared.holding.torques(self.parameters)
         found: dict[str, Array] = {}
         for k, joint in enumerate(shared.mechanism.motors):
-            speed = self._peak_speed(k)
+            speed = self._extreme("peak", k)
             own = {
                 "peak_torque": torque[:, k],
                 "rms_torque": rms[:, k],
@@ -119,17 +147,15 @@ class SizingBatch:
                 if np.isfinite(limit):
                     own[margin] = 1.0 - used / limit if limit else np.where(used == 0.0, 0.0, -np.inf)
             lower, upper = (float(limits[joint.q]) for limits in (robot.lower, robot.upper))
-            low, high = (max(speeds[name][k] for speeds in shared.speeds) for name in ("lowest", "highest"))
-            distance = min(-low - lower, upper - high)
-            if np.isfinite(distance):
-                own["position_margin"] = np.full(len(self), distance)
+            low, high = (self._extreme(name, k) for name in ("lowest", "highest"))
+            if np.isfinite(lower) or np.isfinite(upper):
+                own["position_margin"] = np.minimum(-low - lower, upper - high)
             found |= {f"{joint.name}.{name}": column for name, column in own.items()}
         return found
 
-    def _peak_speed(self, k: int) -> Array:
-        """The peak speed (n,) of the k-th joint over all motions."""
-        pairs = zip(self.shared.speeds, self.stretches, strict=True)
-        return np.asarray(np.max([speeds["peak"][k] / stretch for speeds, stretch in pairs], axis=0))
+    def _extreme(self, name: str, k: int) -> Array:
+        """The extreme (n,) of the k-th joint over all motions."""
+        return np.asarray(np.max([one[name][:, k] for one in self._extremes], axis=0))
 
     def _shaft_measures(self, place: int, k: int, each: Sequence[DesignPeaks]) -> dict[str, Array]:
         """The measures at the shaft of the k-th motor, whose actuator is that at a place among all."""
@@ -141,7 +167,7 @@ class SizingBatch:
             rms = np.stack([peaks.rms_shaft_torque[:, at] for peaks in each], axis=1)
             if self.actuators[place].has_limits:
                 curve = np.stack([peaks.curve_use[:, at] for peaks in each], axis=1)
-        speed = ratio * self._peak_speed(k)
+        speed = ratio * self._extreme("peak", k)
         rating = {name: values[:, place] for name, values in self.ratings.items()}
         peak, effective, factor = torque.max(axis=1), rms.max(axis=1), rating["safety_factor"]
         margins = {  # what the criteria of these names (sizing/selection) say of ratings
@@ -165,6 +191,11 @@ def certain(shared: SharedSizing, values: Array) -> Mask:
         for low, high in (("rated_torque", "peak_torque"), ("rated_speed", "max_speed")):
             good &= ~(ratings[low] > ratings[high]).any(axis=1)
         good &= ~(ratings["efficiency"] > 1.0).any(axis=1) & ~(ratings["safety_factor"] < 1.0).any(axis=1)
+    for name in dict.fromkeys(change.owner for change in shared.changes if change.kind == "waypoint"):
+        entry = shared.entry(name)
+        assert entry is not None
+        times = waypoints_of(shared, entry, values)[0]
+        good &= (np.diff(times, axis=1) > SHORTEST * np.ptp(times, axis=1)[:, None]).all(axis=1)
     return good & _bodies(shared, values)
 
 
@@ -192,6 +223,21 @@ def parameters_of(shared: SharedSizing, values: Array) -> Array:
         if change.kind == "parameter":
             found[:, names.index(change.path)] = column
     return found
+
+
+def waypoints_of(shared: SharedSizing, entry: WaypointsEntry, values: Array) -> tuple[Array, Array]:
+    """The times (n, k), s, and postures (n, k, nq) of the waypoints of designs (n, axes) along a motion."""
+    robot = shared.mechanism.robot
+    knots = np.tile(np.array(entry.times), (len(values), 1))
+    points = np.tile(np.stack([robot.posture(one) for one in entry.positions]), (len(values), 1, 1))
+    for change, column in zip(shared.changes, values.T, strict=True):
+        if change.kind == "waypoint" and change.owner == entry.name:
+            k, coordinate = change.waypoint
+            if coordinate is None:
+                knots[:, k] = column
+            else:
+                points[:, k, coordinate] = column
+    return knots, points
 
 
 def actuators_of(shared: SharedSizing) -> list[Actuator]:

@@ -6,7 +6,7 @@ NAME.motor_torque (the peak), .motor_rms_torque, .motor_speed (the peak), and th
 .continuous_torque_margin, .speed_margin and .curve_margin (of the torque-speed curve, the voltage and the peak
 current); .drive_margin is the smallest of all criteria of the motor and gear. NAME.margin is the smallest known margin
 of the joint, `margin` that of all; position margins, which are no shares, are not among them. A margin that is unknown
-is NaN.
+is NaN. Where designs change a motion, MOTION.duration is a measure too.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.sizing.drive_verdicts import kept, smallest
-from bellcrank.sizing.joint_sizing import OVERSHOOT, JointSizing
+from bellcrank.sizing.joint_sizing import OVERSHOOT, JointSizing, MotorSizing, ShaftSizing
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.criteria import TOLERANCE
-from bellcrank.sizing.shaft_sizing import MotorSizing, ShaftSizing
 from bellcrank.studies.columns import Columns
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,17 +14,19 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.motion.stretching import stretched
+from bellcrank.motion.motion_entry import stretched
 from bellcrank.notes import Note, in_use, ranked, reached
 from bellcrank.scene.scene import Scene
+from bellcrank.sizing.joint_histories import SizingInputs
 from bellcrank.sizing.mechanism_sizing import size_mechanism
-from bellcrank.sizing.result import Sizing, SizingInputs
+from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.subject import sizing_subject
 from bellcrank.studies.columns import Columns
 from bellcrank.studies.design_runner import StudyInterrupted
 from bellcrank.studies.infeasible_reasons import infeasible_reason
+from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.shared_sizing import SharedSizing
-from bellcrank.studies.sizing_axes import DesignAxis, changes_of, factors
+from bellcrank.studies.sizing_axes import changes_of, factors, override
 from bellcrank.studies.sizing_batch import SizingBatch, certain
 from bellcrank.studies.sizing_measures import Judged, judged, measures_of
 
@@ -72,7 +74,16 @@ class SizingRunner(Portable):
     @cached_property
     def judged(self) -> Judged:
         """The measures, and what they are compared with."""
-        return judged(self.base, self.shared.reports_holding)
+        found = judged(self.base, self.shared.reports_holding)
+        return replace(found, units={**found.units, **dict.fromkeys(self._durations(self.base), "s")})
+
+    def _durations(self, sizing: Sizing) -> dict[str, float]:
+        """The durations of all motions, s, as measures, where designs change one."""
+        changed = any(
+            change.kind in ("duration", "waypoint") or change.path.startswith("motions.") for change in self.changes
+        )
+        motions = () if sizing.inputs is None or not changed else sizing.inputs.motions
+        return {f"{motion.name}.duration": motion.duration for motion in motions}
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -166,7 +177,8 @@ class SizingRunner(Portable):
                 found = pool.map(lambda block: SizingBatch(shared, numbers[block]).measures(), blocks)
                 for block, (columns, good) in zip(blocks, found, strict=True):
                     for name, column in columns.items():
-                        rows.measures[name][block[good]] = column[good]
+                        if name in rows.measures:
+                            rows.measures[name][block[good]] = column[good]
                     rows.done[block[good]] = True
                     if shared.unsizable:
                         rows.unsizable |= dict.fromkeys(block[good].tolist(), shared.unsizable)
@@ -183,7 +195,7 @@ class SizingRunner(Portable):
         except BellcrankError as error:
             rows.infeasible[row] = infeasible_reason(error, self.scene)
         else:
-            for name, value in measures_of(sizing).items():
+            for name, value in (measures_of(sizing) | self._durations(sizing)).items():
                 if name in rows.measures:
                     rows.measures[name][row] = value
             if sizing.unsizable:
@@ -208,7 +220,8 @@ class SizingRunner(Portable):
             if change.kind == "duration":
                 durations[change.owner] = value
             else:
-                overrides[change.path] = axis.value(number)
+                path, changed = override(self.scene, change.path, axis.value(number))
+                overrides[path] = changed
         return overrides, durations
 
     def _sized(self, overrides: Mapping[str, Any], durations: Mapping[str, float]) -> Sizing:

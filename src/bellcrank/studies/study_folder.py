@@ -9,7 +9,10 @@ checksum.
 from __future__ import annotations
 
 import contextlib
+import errno
+import fcntl
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +29,6 @@ from bellcrank.files.temporaries import new_folder
 from bellcrank.simulation.save_run import write_archive
 from bellcrank.studies.design_ranges import LARGEST_SAVED, DesignRange, true_ranges
 from bellcrank.studies.environment import differences
-from bellcrank.studies.folder_lock import FolderLock
 from bellcrank.studies.study_rows import StudyRows
 
 FORMAT, VERSION = "bellcrank study", 1
@@ -69,38 +71,49 @@ class StudyFolder:
 
         Raises InputError where the folder holds another study.
         """
+        if self._found(identity, len(rows), rows.names, lambda path: _read(path, rows)):
+            self.notify(f"{int(rows.done.sum())} of {len(rows)} designs were done before, in {self.checkpoints}")
+
+    def _found(
+        self, identity: Mapping[str, str], designs: int, measures: Sequence[str], read: Callable[[Path], object]
+    ) -> bool:
+        """Read the files that an earlier process kept of this study; whether there are any. Raises as `resume`."""
         self._about = {
-            "format": FORMAT, "version": VERSION, "designs": len(rows), "measures": list(rows.names),
+            "format": FORMAT, "version": VERSION, "designs": designs, "measures": list(measures),
             "identity": dict(identity),
         }  # fmt: skip
         if self.restart:
             self._set_aside()
         files = self._files()
         if not files:
-            return
+            return False
         self._check_same()
         self._described = True
         for path in files:
             try:
-                _read(path, rows)
+                read(path)
             except (InputError, NoAboutError, *DAMAGE) as error:
                 text = str(error).removeprefix(f"{path}: ") or type(error).__name__
                 self.notify(f"{path} is damaged ({text}); its designs are computed anew")
                 path.unlink(missing_ok=True)
         self._next = int(files[-1].stem) + 1
-        self.notify(f"{int(rows.done.sum())} of {len(rows)} designs were done before, in {self.checkpoints}")
+        return True
 
     def write(self, rows: StudyRows, unsaved: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
         """Keep the rows that the mask `unsaved` names. Raises InputError where they cannot be written."""
+        self._describe()
+        for ranges in _batches(true_ranges(unsaved)):
+            path = self.checkpoints / f"{self._next:06d}.npz"
+            _write(path, rows, ranges)
+            self._next += 1
+
+    def _describe(self) -> None:
+        """Say what study the files belong to. Raises InputError where that cannot be written."""
         if not self._described:
             text = json.dumps(self._about, ensure_ascii=False, indent=1)
             with writing(self.checkpoints / _ABOUT, lasting=True) as temporary:
                 temporary.write_text(text, encoding="utf-8", errors="surrogateescape")
             self._described = True
-        for ranges in _batches(true_ranges(unsaved)):
-            path = self.checkpoints / f"{self._next:06d}.npz"
-            _write(path, rows, ranges)
-            self._next += 1
 
     def remove_checkpoints(self) -> None:
         """Remove what was kept, once the final files are written: they hold the same numbers."""
@@ -229,3 +242,69 @@ def _are_texts(value: object) -> bool:
 def _whole(values: np.ndarray[Any, np.dtype[np.float64]], below: int) -> bool:
     """Whether all are whole numbers from 0 to below `below`."""
     return values.ndim == 1 and bool(((values >= 0) & (values < below) & (values == np.floor(values))).all())
+
+
+# ---- A lock on a folder, so that two processes do not write one study at once.
+
+
+NAME = ".bellcrank-study-lock"
+_WOULD_WAIT = (errno.EAGAIN, errno.EACCES)
+
+
+class FolderLock:
+    """Holds a folder while its block runs. The system releases the lock of a process that is killed.
+
+    The lock is on a file in the folder (flock), which other machines that mount the folder respect too.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path, self._file = folder / NAME, -1
+
+    def __enter__(self) -> Self:
+        """Raises InputError where another process holds the folder, or it cannot be written."""
+        while self._file < 0:
+            try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+            except OSError as error:
+                raise InputError(
+                    f"cannot write in {self.path.parent}: {error.strerror}; choose another folder"
+                ) from None
+            try:
+                self._take(file)
+            except BaseException:
+                os.close(file)
+                raise
+            if self._is_ours(file):
+                self._file = file
+            else:  # its owner has just removed it
+                os.close(file)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.path.unlink(missing_ok=True)  # before it is released
+        os.close(self._file)
+        self._file = -1
+
+    def _take(self, file: int) -> None:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in _WOULD_WAIT:
+                raise InputError(
+                    f"cannot lock {self.path}: {error.strerror}; choose a folder on another disk"
+                ) from None
+            holder = os.pread(file, 80, 0).decode("utf-8", "replace").strip() or "its number is not known"
+            raise InputError(
+                f"{self.path.parent}: another study is writing there ({holder}); wait for it, or choose another folder"
+            ) from None
+        os.ftruncate(file, 0)
+        os.pwrite(file, f"process {os.getpid()} on {os.uname().nodename}\n"[:80].encode(), 0)
+
+    def _is_ours(self, file: int) -> bool:
+        try:
+            here = self.path.stat(follow_symlinks=False)
+        except OSError:
+            return False
+        mine = os.fstat(file)
+        return (here.st_dev, here.st_ino) == (mine.st_dev, mine.st_ino)

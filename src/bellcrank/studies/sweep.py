@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+import numpy as np
 
 from bellcrank import arguments
 from bellcrank.files.access import Trust
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.checkpoints import KEEP_EVERY, check_keep_every
-from bellcrank.studies.execution import Executor
+from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING, check_keep_every
+from bellcrank.studies.columns import Columns
+from bellcrank.studies.execution import Executor, Part, Work
 from bellcrank.studies.executors import choose_executor
-from bellcrank.studies.partial_sweeps import WatchedExecutor
+from bellcrank.studies.fastest_runner import FastestRunner
 from bellcrank.studies.sizing_runner import SizingRunner
 from bellcrank.studies.study import run_study
 from bellcrank.studies.study_folder import StudyFolder
-from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sizings, plan_sweep
+from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, planner
 from bellcrank.studies.sweep_result import Sweep
 
 
@@ -29,6 +33,7 @@ def sweep(
     vary: Mapping[str, Any] | None = None,
     *,
     size: bool = False,
+    fastest: bool = False,
     sample: int | None = None,
     method: str | None = None,
     seed: int | None = None,
@@ -61,6 +66,8 @@ def sweep(
         size: Whether designs are sized over the motions of the configuration, as `size` does, instead of simulated.
             Then link lengths and masses (such as "link.forearm_link.mass" and "joint.elbow.origin.x"), "payload.mass",
             ratings of actuators ("actuators.elbow.ratio") and durations ("motions.pick.duration") can be varied too.
+        fastest: Whether the fastest motions along the paths of the configuration's motions are found, as `time_optimal`
+            does, instead. What is varied as for `size`, but no durations.
         sample: How many designs are drawn from the distributions; each point of a grid of other values gets all of
             them. By default as the scene says.
         method: "sobol" (scrambled Sobol points, the default; a power of two is best), "latin" (a Latin hypercube) or
@@ -106,7 +113,7 @@ def sweep(
     executor = choose_executor(threads, workers, scheduler)
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
-    planned = plan_sizings if arguments.flag("size", size) else plan_sweep
+    planned = planner("sweep", size=arguments.flag("size", size), fastest=arguments.flag("fastest", fastest))
     plan = planned(scene, vary, SampleRequest(sample, method, seed, sobol), checking)
     restart = arguments.flag("restart", restart)
     with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
@@ -132,8 +139,55 @@ def run_sweep(
         noise=runner.noise,
         notes=plan.notes,
         sized=isinstance(runner, SizingRunner),
+        timed=isinstance(runner, FastestRunner),
     )
     if keep is not None:
         executor = WatchedExecutor(executor, sweep_of, keep, keep_every)
     found = run_study(plan.space, runner, executor, folder=folder, progress=progress, keep_every=keep_every)
     return replace(sweep_of, columns=found.columns, index=found.designs)
+
+
+# ---- Hands over the designs that are done while a sweep goes on.
+
+
+class WatchedExecutor:
+    """An executor that calls a function with the designs that it has run, about every `seconds`.
+
+    Args:
+        executor: What runs the designs.
+        sweep: The sweep without rows.
+        keep: The function; calls take a small share of the time.
+        seconds: s.
+    """
+
+    def __init__(self, executor: Executor, sweep: Sweep, keep: Callable[[Sweep], object], seconds: float) -> None:
+        self.executor, self.sweep, self.keep, self.seconds = executor, sweep, keep, seconds
+
+    def __enter__(self) -> Self:
+        self.executor.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.executor.__exit__(*error)  # type: ignore[arg-type]
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """That of the executor."""
+        return self.executor.environment
+
+    def run(self, work: Work) -> Iterator[Part]:
+        """The parts of the executor."""
+        parts: list[Part] = []
+        due = time.monotonic() + self.seconds
+        for part in self.executor.run(work):
+            parts.append(part)
+            if (begun := time.monotonic()) >= due:
+                self.keep(self._so_far(parts))
+                now = time.monotonic()
+                due = now + max(self.seconds, SPACING * (now - begun))
+            yield part
+
+    def _so_far(self, parts: list[Part]) -> Sweep:
+        parts.sort(key=lambda part: part.designs.first)
+        index = np.concatenate([np.arange(*part.designs) for part in parts])
+        return replace(self.sweep, columns=Columns.joined([part.columns for part in parts]), index=index)

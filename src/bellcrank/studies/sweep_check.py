@@ -69,7 +69,7 @@ def check_sweep(sweep: Sweep) -> SweepCheck | None:
     That is so for sizings, sweeps that were interrupted, and where the tolerance is varied.
     """
     varied = any(axis.path.startswith("simulate.") and axis.path != "simulate.duration" for axis in sweep.axes)
-    if sweep.sized or not sweep.complete or not len(sweep) or varied:
+    if sweep.sized or sweep.timed or not sweep.complete or not len(sweep) or varied:
         return None
     begin = time.perf_counter()
     rows = np.sort(np.random.default_rng(SEED).permutation(len(sweep))[:DESIGNS])

@@ -18,14 +18,16 @@ from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.studies.axes import Axis, parse_values, read_axis
 from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.design_space import DesignSpace
+from bellcrank.studies.fastest_runner import FastestRunner
 from bellcrank.studies.samples import LARGEST_SEED, PointSet, Sample
 from bellcrank.studies.sensitivity_sample import SensitivitySample
 from bellcrank.studies.simulation_runner import SimulationRunner
-from bellcrank.studies.sizing_axes import present_value, unit_of
+from bellcrank.studies.sizing_axes import override, present_value, unit_of
 from bellcrank.studies.sizing_runner import SizingRunner
 
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
 Checking = Callable[[int, int], None]
+Planner = Callable[[Scene, Mapping[str, Any] | None, "SampleRequest | None", Checking | None], "SweepPlan"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,13 @@ class SampleRequest:
     method: str | None = None
     seed: int | None = None
     sobol: int | None = None
+
+
+def planner(where: str, *, size: bool, fastest: bool) -> Planner:
+    """What plans designs that are sized, timed along their fastest motions, or else simulated. Raises InputError."""
+    if size and fastest:
+        raise InputError(f"{where}: expected designs to be sized or timed (fastest), found both; leave one out")
+    return plan_sizings if size else plan_fastest if fastest else plan_sweep
 
 
 def plan_sweep(
@@ -88,6 +97,17 @@ def plan_sizings(
     for axis, change in zip(axes, runner.changes, strict=True):
         if change.kind == "override":
             _check(scene, axis, checking, equations=False)
+    return SweepPlan(scene, space, runner, runner.notes)
+
+
+def plan_fastest(
+    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
+) -> SweepPlan:
+    """The fastest motions of a sweep; as `plan_sizings`."""
+    axes = axes_of_sizings(scene, vary)
+    space, runner = _space(scene, axes, sample), FastestRunner(scene, axes)
+    for axis in axes:
+        _check(runner.scene, axis, checking, equations=False)
     return SweepPlan(scene, space, runner, runner.notes)
 
 
@@ -198,7 +218,8 @@ def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool 
         if checking is not None:
             checking(k, len(tried))
         try:
-            design = scene.with_overrides({axis.path: axis.value(number)})
+            path, value = override(scene, axis.path, axis.value(number))
+            design = scene.with_overrides({path: value})
         except InputError as error:
             refused.append(error)
             continue

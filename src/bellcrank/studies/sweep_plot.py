@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bellcrank.files.atomic_write import writing
-from bellcrank.plot_style import DPI, PALETTE, literal, new_figure, plain, save_figure
+from bellcrank.plot_style import PALETTE, literal, new_figure, plain, write_figure
 from bellcrank.studies.columns import varies
 from bellcrank.studies.sample_plot import CONSTANT, constant_limits, plot_sample
 
@@ -38,10 +37,7 @@ def plot_sweep(sweep: Sweep, measures: Sequence[str], path: str | Path | None = 
         sweep.column(name)  # refuses an unknown one
     figure = plot_sample(sweep, measures) if sweep.space.sample is not None else _plot_grid(sweep, measures)
     figure.suptitle(literal(f"{sweep.scene.name}: {len(sweep)} designs", 90))
-    if path is not None:
-        with writing(path) as temporary:
-            save_figure(figure, temporary, "png", dpi=DPI)
-    return figure
+    return write_figure(figure, path)
 
 
 def _plot_grid(sweep: Sweep, measures: Sequence[str]) -> Figure:

@@ -48,6 +48,7 @@ class Sweep(Portable):
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
         notes: What to know about all designs, those that are reached first: the designs then are not known.
         sized: Whether the designs were sized, instead of simulated.
+        timed: Whether their fastest motions were found, instead.
 
     Example:
         >>> import bellcrank as bc
@@ -64,6 +65,7 @@ class Sweep(Portable):
     noise: tuple[float, float] = (0.0, 1e-12)
     notes: tuple[Note, ...] = field(default=(), repr=False)
     sized: bool = field(default=False, repr=False)
+    timed: bool = field(default=False, repr=False)
 
     def __repr__(self) -> str:
         axes = ", ".join(axis.path for axis in self.axes)
@@ -324,7 +326,7 @@ class Sweep(Portable):
         """Draw measures: as lines or maps over a grid; of a sample as histograms, and against each parameter.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
             measures: Names of measures; by default `default_measures`.
 
         Returns:

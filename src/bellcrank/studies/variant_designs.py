@@ -9,18 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.consistent_starts import (
-    consistent_postures,
-    consistent_velocities,
-    reason,
-)
+from bellcrank.dynamics.consistent_start import consistent_postures, consistent_velocities, reason
 from bellcrank.dynamics.design_parameters import design_parameters
 from bellcrank.dynamics.posture_search import Constrained
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
 from bellcrank.dynamics.system import start_states, system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.integration import infinite_starts, open_contacts
+from bellcrank.simulation.integration import impossible_contacts, infinite_starts, open_contacts
 from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import Kind, PlainAxis
 
@@ -122,7 +118,8 @@ class VariantDesigns:
             return dict.fromkeys(range(len(start)), text)
         if not len(start):
             return {}
-        return infinite_starts(self.scene, parameters, start) | open_contacts(self.scene, parameters, start)
+        found = infinite_starts(self.scene, parameters, start) | open_contacts(self.scene, parameters, start)
+        return found | impossible_contacts(self.scene, parameters, start[:, : self.system.nq])
 
     def _own_parameters(self, values: Array) -> Array:
         """`Scene.own_parameters` of each design (n, …)."""

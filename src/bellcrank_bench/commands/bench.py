@@ -50,8 +50,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "they are installed (default: ur5 panda planar_2r)",
     )  # fmt: skip
     parser.add_argument(
+        "--arm", nargs="?", const="12", metavar="WAYPOINTS",
+        help="instead of scenes: the motion and the torques of a two-link arm by optimisation, with so many inner "
+        "waypoints (default 12), next to MAPTOR where it is installed",
+    )  # fmt: skip
+    parser.add_argument(
         "--sensitivities", nargs="*", metavar="SCENE",
         help="instead of scenes: the time of a gradient of a run by 20 parameters, in runs",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pages", action="store_true",
+        help="instead of scenes: what pages compute, in headless Chromium, next to the machine code of the same "
+        "expressions",
     )  # fmt: skip
     parser.add_argument(
         "--designs", metavar="N", default="10000", help="designs of each ensemble of --ensembles (default 10000)"
@@ -87,16 +97,26 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.designs = whole_option("--designs", arguments.designs, 1, 10**6)
     arguments.sweep_designs = whole_option("--sweep-designs", arguments.sweep_designs, 1, 10**6)
     lists = (arguments.dynamics, arguments.ensembles, arguments.fastest, arguments.sensitivities)
-    others = (arguments.hard, arguments.gains, *(names is not None for names in lists))
+    others = (
+        arguments.hard,
+        arguments.gains,
+        arguments.pages,
+        arguments.arm is not None,
+        *(names is not None for names in lists),
+    )
     if sum([bool(arguments.scenes), *others]) > 1:
         raise InputError(
-            "bench: scenes, --hard, --gains, --dynamics, --ensembles, --fastest and --sensitivities are separate "
-            "benchmarks; name robots after --dynamics or --fastest and scenes after --ensembles or --sensitivities"
+            "bench: scenes, --hard, --gains, --pages, --dynamics, --ensembles, --fastest, --arm and --sensitivities "
+            "are separate benchmarks; name robots after --dynamics or --fastest and scenes after --ensembles or "
+            "--sensitivities"
         )
     if arguments.derivatives and (arguments.dynamics is None or arguments.markdown):
         raise InputError("bench: --derivatives goes with --dynamics, and --markdown is not for it")
     if arguments.markdown and (
-        arguments.hard or arguments.gains or arguments.ensembles is not None or arguments.fastest is not None
+        arguments.hard
+        or arguments.gains
+        or arguments.pages
+        or any(one is not None for one in (arguments.ensembles, arguments.fastest, arguments.arm))
     ):
         raise InputError("bench: --markdown is for scenes and --dynamics")
     if arguments.out:
@@ -110,10 +130,14 @@ def run(arguments: argparse.Namespace) -> int:
             return _hard_cases(arguments.out)
         if arguments.gains:
             return _gains(arguments.out)
+        if arguments.pages:
+            return _pages(arguments)
         if arguments.ensembles is not None:
             return _ensembles(arguments)
         if arguments.fastest is not None:
             return _fastest(arguments)
+        if arguments.arm is not None:
+            return _arm(arguments)
         if arguments.sensitivities is not None:
             return _sensitivities(arguments)
         return _scenes(arguments) if arguments.dynamics is None else _dynamics(arguments)
@@ -263,6 +287,38 @@ def _ensembles(arguments: argparse.Namespace) -> int:
     if arguments.out:
         rows = [{"table": title, **row.data()} for title, found in tables.items() for row in found]
         _write_json(arguments.out / "ensembles.json", {"machine": facts, "rows": rows})
+    return 0
+
+
+def _pages(arguments: argparse.Namespace) -> int:
+    from bellcrank_bench.measurements.machine import machine_facts
+    from bellcrank_bench.measurements.page_speed import page_rows
+    from bellcrank_bench.tables.text import ensemble_table
+
+    facts = machine_facts()
+    try:
+        rows = page_rows(arguments.samples, min(arguments.repeats, 5))
+    except InputError as error:
+        print(f"pages are not measured: {error}")
+        return 0
+    print(f"{facts['cpu']}, one thread, best of {min(arguments.repeats, 5)}")
+    print(ensemble_table(rows))
+    if arguments.out:
+        _write_json(arguments.out / "pages.json", {"machine": facts, "rows": [row.data() for row in rows]})
+    return 0
+
+
+def _arm(arguments: argparse.Namespace) -> int:
+    from bellcrank.commands.options import whole_option
+    from bellcrank_bench.measurements.arm_design import INNER, arm_report
+    from bellcrank_bench.measurements.machine import machine_facts
+
+    facts = machine_facts()
+    lines, data = arm_report(whole_option("--arm", arguments.arm, 4, 40) or INNER)
+    print(f"{facts['cpu']}, one thread")
+    print("\n".join(lines))
+    if arguments.out:
+        _write_json(arguments.out / "arm.json", {"machine": facts, **data})
     return 0
 
 

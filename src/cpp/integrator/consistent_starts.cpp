@@ -40,7 +40,7 @@ T get(nb::handle record, const char* name) {
   return value;
 }
 
-// The record StartEquations (dynamics/consistent_starts.py).
+// The record StartEquations (dynamics/start_equations.py).
 struct Reading {
   StartModel model{};
 

@@ -57,6 +57,7 @@ struct EnsembleReading : ProblemReading {
       require(std::isfinite(d.t1[i]) && d.t1[i] >= 0, "integrate_ensemble: t1 must be finite and not negative");
     read_settings(record.attr("settings"));
     read(record, static_cast<int>(x0_.shape(1)), d.step != nullptr);
+    read_held(record.attr("held"));
     ensemble.common = plain;
     ensemble.jumps = jumps.data(), ensemble.jump_count = static_cast<int>(jumps.size());
     ensemble.observed = get<int>(record, "observed"), ensemble.observed_within = get<int>(record, "observed_within");
@@ -107,7 +108,7 @@ struct EnsembleReading : ProblemReading {
     require(engine != nullptr, "integrate_ensemble: this machine has no engine for so many lanes");
     require(k.rhs && (k.events || !plain.event_count) && (k.observe || !ensemble.observed) &&
                 !k.fallback == !plain.fallback && !k.project == !plain.project &&
-                !k.project_fallback == !plain.project_fallback && method != "Radau",
+                !k.project_fallback == !plain.project_fallback && method != "Radau" && !plain.held.count,
             "integrate_ensemble: functions for lanes are missing");
   }
 };
@@ -115,7 +116,7 @@ struct EnsembleReading : ProblemReading {
 // A row of which nothing is known.
 void clear(const Ensemble& e, std::int64_t row) {
   const Columns& c = e.columns;
-  const std::int64_t n = e.common.n, events = e.common.event_count, m = e.observed;
+  const std::int64_t n = e.common.n, events = e.common.event_count, m = e.observed, held = e.common.held.count;
   c.status[row] = static_cast<std::int64_t>(Status::interrupted), c.stopped_by[row] = -1;
   c.done[row] = c.single[row] = false;
   c.accepted[row] = c.rejected[row] = c.evaluations[row] = 0;
@@ -125,17 +126,21 @@ void clear(const Ensemble& e, std::int64_t row) {
   std::fill_n(c.event_time + row * events, events, NAN);
   std::fill_n(c.event_state + row * events * n, events * n, NAN);
   for (double* extremes : {c.least, c.largest}) std::fill_n(extremes + row * m, m, NAN);
+  for (double* ends : {c.held_start, c.held_end}) std::fill_n(ends + row * held, held, NAN);
+  std::fill_n(c.held_event + row * events * held, events * held, NAN);
 }
 
 // Fills the row of a single run.
 class Row final : public Record {
  public:
   Row(const Ensemble& e, std::int64_t row, const std::atomic<bool>& stop)
-      : c_(e.columns), terminal_(e.common.terminal), n_(e.common.n), row_(row), first_(row * e.common.event_count),
-        stop_(stop) {
+      : h_(e.common.held), c_(e.columns), terminal_(e.common.terminal), n_(e.common.n), row_(row),
+        first_(row * e.common.event_count), end_(first_ + e.common.event_count), stop_(stop),
+        now_(h_.start, h_.start + h_.count) {
+    std::copy(now_.begin(), now_.end(), c_.held_start + row_ * h_.count);
     more_steps();
     least = c_.least + row * e.observed, largest = c_.largest + row * e.observed;
-    for (std::int64_t at = first_; at < first_ + e.common.event_count; ++at) {  // the lanes may have found some before
+    for (std::int64_t at = first_; at < end_; ++at) {  // the lanes may have found some before
       c_.event_count[at] = c_.unresolved[at] = c_.undefined[at] = 0;
       c_.event_time[at] = NAN;
       std::fill_n(c_.event_state + at * n_, n_, NAN);
@@ -149,12 +154,21 @@ class Row final : public Record {
     if (c_.event_count[at]++) return;
     c_.event_time[at] = t;
     std::copy(x, x + n_, c_.event_state + at * n_);
+    std::copy(now_.begin(), now_.end(), c_.held_event + at * h_.count);
+  }
+  // Entries that change at the instant of an event are there what they are after it.
+  void hold(double t, const double* values) override {
+    now_.assign(values, values + h_.count);
+    if (t <= 0) std::copy(now_.begin(), now_.end(), c_.held_start + row_ * h_.count);
+    for (std::int64_t at = first_; at < end_; ++at)
+      if (c_.event_time[at] == t) std::copy(now_.begin(), now_.end(), c_.held_event + at * h_.count);
   }
   void unresolved(int index, double) override { ++c_.unresolved[first_ + index]; }
   void undefined(int index, double) override { ++c_.undefined[first_ + index]; }
   void end(double t, const double* x) override {
     c_.end_time[row_] = t;
     std::copy(x, x + n_, c_.end_state + row_ * n_);
+    std::copy(now_.begin(), now_.end(), c_.held_end + row_ * h_.count);
   }
   bool look(double, const double*, const Counts&, std::int64_t* attempts) override {
     *attempts = 1000;
@@ -164,11 +178,13 @@ class Row final : public Record {
   int stopped_by = -1;
 
  private:
+  const HeldEntries& h_;
   const Columns& c_;
   const bool* const terminal_;
   const int n_;
-  const std::int64_t row_, first_;
+  const std::int64_t row_, first_, end_;  // its events are those from first_ on, before end_
   const std::atomic<bool>& stop_;
+  std::vector<double> now_;  // the held entries
   double steps_[64];  // the ends of steps, which nobody reads
 };
 
@@ -311,6 +327,9 @@ nb::dict columns_of(Ensemble& e) {
   add(d, "unresolved", {rows, events}, &c.unresolved), add(d, "undefined", {rows, events}, &c.undefined);
   add(d, "event_time", {rows, events}, &c.event_time), add(d, "event_state", {rows, events, n}, &c.event_state);
   add(d, "least", {rows, m}, &c.least), add(d, "largest", {rows, m}, &c.largest);
+  const auto held = static_cast<std::size_t>(e.common.held.count);
+  add(d, "held_start", {rows, held}, &c.held_start), add(d, "held_end", {rows, held}, &c.held_end);
+  add(d, "held_event", {rows, events, held}, &c.held_event);
   for (std::int64_t row = 0; row < e.designs.count; ++row) clear(e, row);
   return d;
 }

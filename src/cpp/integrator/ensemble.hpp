@@ -28,6 +28,7 @@ struct Columns {
   std::int64_t *event_count, *unresolved, *undefined;  // (N, E)
   double *event_time, *event_state;                 // (N, E), (N, E, n): of the first, NaN before
   double *least, *largest;                          // (N, m)
+  double *held_start, *held_end, *held_event;       // (N, h), (N, h), (N, E, h): of the h held entries
 };
 
 struct Ensemble {

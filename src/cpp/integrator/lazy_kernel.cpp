@@ -1,4 +1,4 @@
-// Code that is made when a kernel is first called (codegen/entry.py): the kernel's entry calls this function, which calls
+// Code that is made when a kernel is first called (codegen/machine_code.py): the kernel's entry calls this function, which calls
 // Python.
 #include "lazy_kernel.hpp"
 

@@ -10,6 +10,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "../files/csv_rows.hpp"
+#include "../motion/spline.hpp"
 #include "consistent_starts.hpp"
 #include "integrate.hpp"
 #include "lazy_kernel.hpp"
@@ -94,4 +95,5 @@ NB_MODULE(_step, m) {
   bellcrank::bind_tableaus(m);
   bellcrank::bind_consistent_starts(m);
   bellcrank::bind_csv_rows(m);
+  bellcrank::bind_spline(m);
 }

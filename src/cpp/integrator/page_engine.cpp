@@ -30,7 +30,10 @@ void std::__libcpp_verbose_abort(const char*, ...) noexcept { __builtin_trap(); 
 namespace bellcrank {
 namespace {
 
-enum KernelPlace { RHS, FALLBACK, PROJECT, PROJECT_FALLBACK, EVENTS, LINEARISED, ROWS, INERTIA, START, SHOWN, KERNELS };
+enum KernelPlace {
+  RHS, FALLBACK, PROJECT, PROJECT_FALLBACK, EVENTS, LINEARISED, ROWS, INERTIA, COSINES, ALIGNED, START, SHOWN, KERNELS
+};
+constexpr double TURNED_OVER = 9;  // a status that is not the integrator's (simulation/status.py)
 Kernel kernels[KERNELS];
 int outputs_of[KERNELS];  // sizes of the results of those that are called for many samples
 
@@ -170,7 +173,9 @@ struct Scene {
     m.nq = problem.nq, m.nv = problem.nv, m.size = problem.n, m.u = u0, m.linearised = kernels[LINEARISED];
     m.heights = d.whole(), m.rows = d.whole();
     m.entry_row = d.list<int>(), m.entry_column = d.list<int>();
-    m.sine.assign(m.heights, false), m.far = d.list<bool>();
+    m.far = d.list<bool>();
+    m.cosines = kernels[COSINES], m.aligned = kernels[ALIGNED], m.cosine_count = d.whole();
+    m.aligned_of = d.list<int>(), m.aligned_count = static_cast<int>(m.aligned_of.size()), m.sine = d.list<bool>();
     for (int count = d.whole(); count > 0; --count) {
       StartJoint joint{};
       joint.kind = static_cast<JointKind>(d.whole()), joint.q = d.whole(), joint.v = d.whole();
@@ -215,10 +220,11 @@ class Run {
     p.weights = s_.weights.empty() ? nullptr : s_.weights.data();
     p.x0 = x_.data(), p.p = p_.data(), p.times = times.data(), p.time_count = times.size();
     Counts counts;
-    const Status status = page::IntegrationLoop<page::ExplicitRungeKutta<Dop853, 0>>(p, found_, counts)();
-    show(found_.time, found_.state, shown_);
-    show(found_.event_time, found_.event_state, events_);
-    const double numbers[] = {static_cast<double>(status), found_.end_time, static_cast<double>(counts.accepted),
+    const auto ended = page::IntegrationLoop<page::ExplicitRungeKutta<Dop853, 0>>(p, found_, counts)();
+    const double status = turned_over() ? TURNED_OVER : static_cast<double>(ended);
+    evaluate(SHOWN, s_.shown, found_.time, found_.state, shown_);
+    evaluate(SHOWN, s_.shown, found_.event_time, found_.event_state, events_);
+    const double numbers[] = {status, found_.end_time, static_cast<double>(counts.accepted),
                               static_cast<double>(counts.rejected), static_cast<double>(counts.evaluations),
                               static_cast<double>(counts.stiff_steps), static_cast<double>(found_.doubtful),
                               static_cast<double>(found_.time.size()), address(found_.time), address(found_.state),
@@ -322,15 +328,33 @@ class Run {
     return CONSISTENT;
   }
 
-  // What the page shows of states at times.
-  void show(const std::vector<double>& time, const std::vector<double>& state, std::vector<double>& shown) {
+  // As until_turned_over (simulation/integration.py): the rows before one in which a weld or hinge is turned by more than
+  // a quarter turn; whether there is one.
+  bool turned_over() {
+    const int count = s_.start.cosine_count;
+    if (!count) return false;
+    std::vector<double> cosines;
+    evaluate(COSINES, count, found_.time, found_.state, cosines);
+    const auto bad = std::find_if(cosines.begin(), cosines.end(), [](double cosine) { return !(cosine > 0); });
+    if (bad == cosines.end()) return false;
+    const std::size_t rows = std::max<std::size_t>((bad - cosines.begin()) / count, 1);
+    found_.time.resize(rows), found_.state.resize(rows * s_.problem.n);
+    found_.end_time = found_.time.back();
+    while (!found_.event_time.empty() && found_.event_time.back() > found_.end_time)
+      found_.event_time.pop_back(), found_.event_index.pop_back();
+    return true;
+  }
+
+  // Values, `count` each, of a function of the states at times.
+  void evaluate(KernelPlace place, int count, const std::vector<double>& time, const std::vector<double>& state,
+                std::vector<double>& values) {
     page::Rhs rhs(s_.problem);
-    shown.assign(time.size() * s_.shown, 0.0);
+    values.assign(time.size() * count, 0.0);
     for (std::size_t i = 0; i < time.size(); ++i) {
       if (s_.problem.signal_count) rhs.pin(time[i], time[i]), rhs.signals(time[i]);
       const double* in[] = {&time[i], &state[i * s_.problem.n], rhs.u(), p_.data()};
-      double* out[] = {&shown[i * s_.shown]};
-      kernels[SHOWN](in, out);
+      double* out[] = {&values[i * count]};
+      kernels[place](in, out);
     }
   }
 };

@@ -125,6 +125,49 @@ struct ProblemReading {
     jumps = all_jumps(get<Vector>(record, "stops"), signals_);
   }
 
+  // After `read`: the entries of u that the run finds, None for none.
+  void read_held(nb::handle held) {
+    if (held.is_none()) return;
+    held_start_ = get<Vector>(held, "start");
+    plain.held.count = static_cast<int>(held_start_.shape(0)), plain.held.start = held_start_.data();
+    plain.held.switch_count = get<int>(held, "switch_count");
+    plain.held.switches = function<Kernel>(held, "switches");
+    mode_kinds_ = get<std::vector<int>>(held, "mode_kinds"), mode_places_ = get<std::vector<int>>(held, "mode_places");
+    mode_ends_ = get<std::vector<int>>(held, "mode_ends"), mode_sides_ = get<std::vector<int>>(held, "mode_sides");
+    plain.held.mode_sides = mode_sides_.data();
+    plain.held.mode_kinds = mode_kinds_.data(), plain.held.mode_places = mode_places_.data();
+    plain.held.mode_ends = mode_ends_.data();
+    plain.held.work_row = get<int>(held, "work_row"), plain.held.response_rows = get<int>(held, "response_rows");
+    mode_rows_ = get<std::vector<int>>(held, "mode_rows");
+    plain.held.mode_rows = mode_rows_.data(), plain.held.mode_count = static_cast<int>(mode_rows_.size());
+    plain.held.turn = function<Kernel>(held, "mode_turn");
+    const int turning = plain.held.switch_count + 4 * plain.held.mode_count;
+    require(plain.held.switch_count >= 0 && turning <= plain.held.count && (plain.held.switches || !turning) &&
+                (plain.held.turn || !plain.held.mode_count),
+            "integrate: a held entry for each switch and mode, and their functions");
+    require(plain.held.response_rows >= 0 && plain.nq + plain.held.response_rows <= plain.n,
+            "integrate: forces of modes accelerate entries of x");
+    require(mode_kinds_.size() == mode_rows_.size() && mode_places_.size() == mode_rows_.size() &&
+                mode_ends_.size() == mode_rows_.size() && mode_sides_.size() == mode_rows_.size() &&
+                plain.held.work_row < plain.n,
+            "integrate: a kind and a position for each mode");
+    for (std::size_t j = 0; j < mode_rows_.size(); ++j)
+      require((mode_rows_[j] >= plain.nq && mode_rows_[j] < plain.nq + plain.held.response_rows) ||
+                  (mode_rows_[j] == -1 && mode_kinds_[j] == 0),
+              "integrate: modes are of velocities in x");
+    for (std::size_t j = 0; j < mode_rows_.size(); ++j)
+      require(mode_kinds_[j] == 4 ? mode_sides_[j] >= 0 && mode_sides_[j] < plain.held.switch_count : mode_sides_[j] == -1,
+              "integrate: the side of a gear is a switch");
+    for (const int place : mode_places_) require(place >= 0 && place < plain.n, "integrate: stops are of entries of x");
+    for (auto [kernel, first, period] :
+         get<std::vector<std::tuple<std::uintptr_t, double, double>>>(held, "updates")) {
+      require(period > 0 && std::isfinite(first), "integrate: updates need a period");
+      updates_.push_back({reinterpret_cast<Kernel>(kernel), first, period});
+    }
+    plain.held.updates = updates_.data(), plain.held.update_count = static_cast<int>(updates_.size());
+    plain.signal_entries += plain.held.count;
+  }
+
  private:
   Vector weights_;
   std::vector<std::pair<Vector, Cube>> pieces_;  // of the signals
@@ -133,6 +176,9 @@ struct ProblemReading {
   std::vector<JointBlock> joints_;
   std::vector<int> direction_;
   std::unique_ptr<bool[]> terminal_;
+  Vector held_start_;
+  std::vector<Update> updates_;
+  std::vector<int> mode_rows_, mode_kinds_, mode_places_, mode_ends_, mode_sides_;
 
   void read_kernels(nb::handle kernels) {
     plain.rhs = function<Kernel>(kernels, "rhs");

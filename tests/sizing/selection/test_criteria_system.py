@@ -10,9 +10,9 @@ from random_catalogue import random_cycles, random_gears, random_motors
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import PowerTrains
+from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.selection.system_criteria import bus_power, judge_system, stored_energy
 
 

@@ -12,12 +12,11 @@ from random_catalogue import random_cycles, random_gears, random_motors
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.sizing.selection.criteria import figure, lacks, worst
+from bellcrank.sizing.selection.criteria import CriterionResult, figure, lacks, worst
 from bellcrank.sizing.selection.gear_criteria import average_torque
 from bellcrank.sizing.selection.judge import CRITERIA, NOTES, VERDICTS, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.selection import CriterionResult
 from bellcrank.sizing.selection.shaft_loads import FEW
 
 CONDITIONS = Conditions()

@@ -61,6 +61,7 @@ class Sampled:
         self.weight, self.interval = cycle.weight, cycle.interval
         self.total = cycle.weight.sum()
         self.speed, self.acceleration = cycle.speed[:, axis], cycle.acceleration[:, axis]
+        self.side = np.sign(self.speed)  # of a reversal there is a sample on each side, at a speed of about 1e-32
         self.speed = np.where(np.abs(self.speed) <= 1e-9, 0.0, self.speed)
         self.factor, self.load = factor, cycle.torque[:, axis]
         self.torque = factor * self.load  # at the gear's output
@@ -76,7 +77,7 @@ def brute_force(motor, gear, cycle, conditions):
     direct = gear.kind == "direct"
     n, torque, speed = gear.ratio, cycle.torque, cycle.speed
     back = gear.efficiency if gear.back_efficiency is None else gear.back_efficiency
-    geared = np.where(torque * speed >= 0.0, cycle.load / (n * gear.efficiency), cycle.load * back / n)
+    geared = np.where(torque * cycle.side >= 0.0, cycle.load / (n * gear.efficiency), cycle.load * back / n)
     shaft = cycle.factor * (geared + (motor.rotor_inertia + gear.inertia) * n * cycle.acceleration)
     turning = n * speed
     friction = motor.coulomb_friction * np.sign(turning) + motor.viscous_friction * turning

@@ -18,7 +18,7 @@ from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.pareto import non_dominated
+from bellcrank.sizing.selection.pareto_search import non_dominated
 
 pytestmark = pytest.mark.tier2
 
@@ -122,8 +122,9 @@ def test_two_joints_with_50_pairs_equal_the_exhaustive_search(two_joints, object
     assert len(exhaustive.points) > 20
     selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7)
     assert selection.proof.startswith("optimal")
-    # what is chosen is sampled at its own largest uses with its own masses, every combination at those of the bare arm
-    bound = 1e-5 if objective == "margin" else 1e-9
+    # what is chosen is sampled at its own largest uses and zeros with its own masses, every combination at those of the
+    # bare arm: uses between samples are larger, and losses bend at other zeros
+    bound = {"margin": 1e-5, "loss": 5e-7}.get(objective, 1e-9)
     assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=bound)
     assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
 
@@ -142,8 +143,9 @@ def test_three_joints_equal_the_exhaustive_search(three_joints, objective):
     assert len(exhaustive.points) > 20
     selection = bc.select(arm, motions, catalogue, objective, conditions=conditions, effort=10**7, candidates=1)
     assert selection.proof.startswith("optimal")
-    # what is chosen is sampled at its own largest uses with its own masses, every combination at those of the bare arm
-    bound = 1e-5 if objective == "margin" else 1e-9
+    # what is chosen is sampled at its own largest uses and zeros with its own masses, every combination at those of the
+    # bare arm: uses between samples are larger, and losses bend at other zeros
+    bound = {"margin": 1e-5, "loss": 5e-7}.get(objective, 1e-9)
     assert total(selection, objective) == pytest.approx(exhaustive.best(objective), rel=bound)
     assert tuple(one.chosen.id for one in selection.axes) in exhaustive.ids
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from bellcrank.sizing.selection.feedback import fixed_point
 from bellcrank.sizing.selection.joint_problem import components, judge_choice, search_order
-from bellcrank.sizing.selection.joint_search import best_combination
+from bellcrank.sizing.selection.joint_search import best_combination, fixed_point
 from bellcrank.sizing.selection.ranking import NOT_JUDGED, NOTHING, Verdicts, as_key, rank_keys, total
 
 CHAIN = np.triu(np.ones((3, 3), dtype=bool), 1)  # axis 0 is the base

@@ -26,7 +26,7 @@ from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.result import SizingInputs
+    from bellcrank.sizing.joint_histories import SizingInputs
 
 Array = NDArray[np.float64]
 TOLERANCE = 1.0 / 400.0  # of the size of the robot: two pixels in a view of 800 lines

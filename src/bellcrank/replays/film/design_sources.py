@@ -14,7 +14,7 @@ from bellcrank.replays.film.film import TimelineEvent
 from bellcrank.replays.film.film_samples import FramePose
 from bellcrank.replays.film.motion_film import MotionSequence, motion_trajectories
 from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory
-from bellcrank.sizing.result import SizingInputs
+from bellcrank.sizing.joint_histories import SizingInputs
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.sampled_trajectory import SampledTrajectory

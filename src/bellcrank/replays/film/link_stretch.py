@@ -42,8 +42,11 @@ class LinkStretch:
             ends[layout.carrier[joint.parent]].append(joint.child)
         for name, (link, _, _) in robot.user_frames.items():
             ends[layout.carrier[link]].append(name)
-        self.ends = [(body.name, ends[layout.carrier[body.name]]) for body in bodies if body.name in layout.carrier]
-        self.rows = {body.name: k for k, body in enumerate(bodies)}
+        self.rows = dict[str, int]()  # of bodies of one name the first is the link
+        for k, body in enumerate(bodies):
+            self.rows.setdefault(body.name, k)
+        self.ends = [(name, ends[layout.carrier[name]]) for name in self.rows if name in layout.carrier]
+        self.count = len(bodies)
         self.frames = tuple(dict.fromkeys(name for body, points in self.ends for name in (body, *points)))
         self.neutral = robot.neutral[None]
         self.pose_function = frame_pose_function(robot, self.frames, parameters)
@@ -51,7 +54,7 @@ class LinkStretch:
 
     def maps(self, parameters: Array) -> Array:
         """The maps (bodies, 3, 3) for values (np,) of the parameters."""
-        found = np.tile(np.eye(3), (len(self.rows), 1, 1))
+        found = np.tile(np.eye(3), (self.count, 1, 1))
         for name, points in self._points(self.pose_function, parameters).items():
             nominal = self.nominal[name]
             change = points - nominal

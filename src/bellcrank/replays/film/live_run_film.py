@@ -11,14 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.elements.expression_constraint import FunctionConstraint
-from bellcrank.elements.frame_forces import Spring as FrameSpring
-from bellcrank.elements.joint_forces import JointSpring
-from bellcrank.elements.loop_constraints import WORLD, Distance
-from bellcrank.elements.rolling_constraint import RollingDisk
-from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.film import Film
-from bellcrank.replays.film.link_stretch import LinkStretch
 from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
+from bellcrank.replays.film.live_shapes import ShownExpressions
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.live_simulation import live_simulation
 from bellcrank.simulation.plot_panels import linear_panels, residual_panels, shown_unit
@@ -71,23 +66,21 @@ def live_run_film(run: Trajectory, film: Film) -> LiveFilm | str:
     return LiveFilm(content=content, blocks=(*live.modules, byte_planes(numbers)), engine=ENGINE)
 
 
-class _Places:
+class _Places(ShownExpressions):
     """What a page shows of a state: the expressions, and the place of each figure of a film among them.
 
     The panels of a plot are asked for with places in place of numbers, so that what they show stands in one module.
     """
 
     def __init__(self, run: Trajectory, film: Film) -> None:
-        self._run, self._film = run, film
-        self._found: list[casadi.SX] = []
-        self._size = 0
-        self.content: dict[str, Any] = {}
+        super().__init__(film, run.scene)
+        self._run = run
 
     def shown(self, a: Assembly) -> casadi.SX:
         """The expressions; T, V and W come first."""
         import casadi
 
-        film, scene = self._film, self._run.scene
+        film, scene = self.film, self._run.scene
         work = a.work if a.has_work else casadi.SX(0)
         energies = [self._add(each)[:, 0] for each in (a.kinetic, a.potential, work, a.kinetic + a.potential)]
         outputs = {name: self._add(value) for name, value in a.outputs.items()}
@@ -119,27 +112,13 @@ class _Places:
             for chart in film.charts
         ]
         self.content["residuals"] = [[unit, int(place[0])] for unit, place in columns.constraint_residuals.items()]
-        frames = [a.symbols.frame(body.name) for body in film.bodies]
-        self.content["bodies"] = self._places(casadi.vertcat(f.position, casadi.vec(f.rotation.T)) for f in frames)
-        stretch = LinkStretch(scene.robot, film.bodies, scene.parameters).expressions(a.symbols)
-        self.content["stretch"] = [[body, int(self._add(way.T)[0, 0])] for body, way in stretch]
-        self.content["traces"] = self._places(self._traced(a, trace.name) for trace in film.traces)
-        springs, rods = dict(self._springs(a)), dict(self._rods(a))
-        self.content["springs"] = self._places(springs[spring.name] for spring in film.springs)
-        self.content["rods"] = self._places(rods[rod.name] for rod in film.rods)
-        return casadi.vertcat(*self._found)
+        self.add_shapes(a.symbols, dict(scene.parameters))
+        return self.all()
 
     def _add(self, value: casadi.SX) -> NDArray[np.intp]:
         """The places (1, n) of an expression."""
-        import casadi
-
-        value = casadi.vec(casadi.densify(value))
-        self._found.append(value)
-        self._size += value.numel()
-        return np.arange(self._size - value.numel(), self._size)[None]
-
-    def _places(self, values: Iterator[casadi.SX]) -> list[int]:
-        return [int(self._add(value)[0, 0]) for value in values]
+        first = self.add(value)
+        return np.arange(first, self.size)[None]
 
     def _residuals(self, a: Assembly) -> Iterator[tuple[str, Any]]:
         """The places of the largest residuals by unit."""
@@ -153,31 +132,6 @@ class _Places:
             found[unit] = casadi.fmax(found.get(unit, 0.0), casadi.fabs(both[speed][k]))
         for unit, value in found.items():
             yield unit, self._add(value)[:, 0]
-
-    def _traced(self, a: Assembly, name: str) -> casadi.SX:
-        disks = {f"{each.name} contact": each for each in self._run.scene.constraints if isinstance(each, RollingDisk)}
-        return disks[name].contact_point(a.symbols) if name in disks else a.symbols.frame(name).position
-
-    def _springs(self, a: Assembly) -> Iterator[tuple[str, casadi.SX]]:
-        """The ends of springs, as `scene_springs` (arrows.py)."""
-        import casadi
-
-        s, robot = a.symbols, self._run.scene.robot
-        for force in self._run.scene.forces:
-            if isinstance(force, FrameSpring):
-                b = force.vector(s, "point") if force.frame_b == WORLD else s.frame(force.frame_b).position
-                yield force.name, casadi.vertcat(s.frame(force.frame_a).position, b)
-            elif isinstance(force, JointSpring) and force.joint.kind == "prismatic":
-                link = s.frame(child_link(robot, force.joint.name))
-                travel = s.q[force.joint.q] * (link.rotation @ casadi.DM(robot.joint_axis(force.joint.name)))
-                yield force.name, casadi.vertcat(link.position - travel, link.position)
-
-    def _rods(self, a: Assembly) -> Iterator[tuple[str, casadi.SX]]:
-        import casadi
-
-        for constraint in self._run.scene.constraints:
-            if isinstance(constraint, Distance):
-                yield constraint.name, casadi.vertcat(*(side.position for side in constraint.sides(a.symbols)))
 
 
 def _command(run: Trajectory) -> dict[str, Any] | None:

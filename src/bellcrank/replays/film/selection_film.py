@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.catalogue import load_catalogue
 from bellcrank.errors import InputError
 from bellcrank.motion.quaternions import from_matrices
 from bellcrank.replays.film.film import BodyLayer, Film
+from bellcrank.replays.film.live_film import live_film, name_of, settled
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
+from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.shapes import Body, Shape
+from bellcrank.sizing.live_choice import selected_sizing
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
+    from bellcrank.sizing.live_choice import Choices
+    from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.axis_loads import Axis
     from bellcrank.sizing.selection.selection import Candidate, Selection
 
@@ -43,20 +50,50 @@ def film_of_selection(
     detail: Detail = "reduced",
     title: str | None = None,
     progress: Progress = None,
+    live: bool | None = False,
 ) -> Film:
     """The film of a selection: its motions in sequence, and the chosen motors and gears.
 
-    It has no charts and no torques: the loads of a selection include the masses of its actuators.
+    A page that computes has the torques of the chosen motors and gears, whose masses their sizing includes, and its
+    reader chooses others; `live` is as in `film_of_sizing`. Another film has no charts and no torques.
 
     Raises InputError for an unknown frame, and for a selection without its motions.
     """
     if selection.inputs is None:
         raise InputError(f"selection of {selection.robot}: it does not hold its motions; make it with bellcrank.select")
+    sized = "" if live is False else selected_sizing(selection)
+    why: tuple[str, ...] = ()
+    if not isinstance(sized, str):
+        sizing, choices = sized
+        film, starts = _film(selection, trace, detail, title, progress, sizing)
+        command = _command(selection, choices)
+        computed, why = settled("selection", live, lambda: live_film(sizing, starts, film, choices, command))
+        if computed is not None:
+            return replace(film, xy_plots=with_rms_points(film.xy_plots, sizing.joints), live=computed)
+    elif sized:
+        why = (f"this page replays the selection and does not compute its motors and gears again: {sized}",)
+    film, _ = _film(selection, trace, detail, title, progress)
+    return replace(film, charts=(), xy_plots=(), notes=(*film.notes, *why))
+
+
+def _film(
+    selection: Selection,
+    trace: Iterable[str],
+    detail: Detail,
+    title: str | None,
+    progress: Progress,
+    sizing: Sizing | None = None,
+) -> tuple[Film, list[float]]:
+    """The film without arrows, with the torques of a sizing where it is given; and the times at which motions begin."""
+    assert selection.inputs is not None
     mechanism, motions = selection.inputs.mechanism, selection.inputs.motions
+    actuators: Mapping[str, Actuator] = {}
+    if sizing is not None and sizing.inputs is not None:
+        mechanism, motions, actuators = sizing.inputs.mechanism, tuple(sizing.inputs.motions), sizing.inputs.actuators
     chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
     usual = usual_size([candidate for _, candidate in chosen])
     bodies = tuple(Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen)
-    sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators={}, more_bodies=bodies)
+    sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators=actuators, more_bodies=bodies)
     film = film_of_motions(sequence, title or f"{selection.robot}: selection", trace, detail, progress)
     links = len(film.bodies) - len(bodies)
     layers = [BodyLayer("Robot", "links", tuple(range(links)))]
@@ -64,16 +101,34 @@ def film_of_selection(
         BodyLayer("Motors and gears", f"{axis.axis.name}: {product_names(candidate)}", (links + k,))
         for k, (axis, candidate) in enumerate(chosen)
     ]
-    return replace(
+    made = replace(
         film,
         bodies=(*map(_seen_through, film.bodies[:links]), *film.bodies[links:]),
         layers=tuple(layers),
         arrows=(),
-        charts=(),
-        xy_plots=(),
         success=selection.inside,
         notes=(LEGEND, *film.notes),
     )
+    return made, sequence.starts
+
+
+def _command(selection: Selection, choices: Choices) -> dict[str, Any] | None:
+    """How the selection is made on the command line, less the pairs that are kept; None where it is not."""
+    assert selection.inputs is not None
+    config = selection.inputs.config
+    if config is None or selection.conditions != config.conditions or not selection.feedback:
+        return None
+    own = () if config.catalogue is None else (config.catalogue,)
+    known = {one.id for one in load_catalogue(*own).products}
+    ids = {part for pairs in choices.pairs.values() for pair in pairs for part in pair.name.split("+")}
+    extra = selection.inputs.mechanism.robot.payloads[len(config.payloads) :]
+    if not ids <= known or extra or selection.inputs.duty:
+        return None
+    words = ["bellcrank", "select", name_of(config)]
+    names = [motion.name for motion in selection.inputs.motions]
+    if names != list(config.motions):
+        words += [word for name in names for word in ("--motion", name)]
+    return {"words": words, "overrides": [[path, value] for path, value in config.overrides.items()]}
 
 
 def product_names(candidate: Candidate) -> str:

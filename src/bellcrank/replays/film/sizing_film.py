@@ -45,7 +45,7 @@ def film_of_sizing(
         facts.append(("robot", sizing.robot))
     stated = {text for _, text in facts}
     film = film_of_motions(sequence, name, trace, detail, progress)
-    computed, why = settled("sizing", live, lambda: live_film(sizing, sequence.starts))
+    computed, why = settled("sizing", live, lambda: live_film(sizing, sequence.starts, film))
     return replace(
         film,
         events=tuple(sorted([*film.events, *_limit_events(sizing, sequence)], key=lambda event: event.time)),

@@ -60,12 +60,12 @@ def torque_speed_plots(
         columns, tolerance = kept_rows(time, table, error, reach[k])
         rows = np.unique(np.concatenate(columns))
         actuator = actuators.get(joint.name)
-        plot = _shaft_plot(joint, actuator) if at_shaft(actuator) else _joint_plot(mechanism.robot, joint)
+        plot = shaft_plot(joint, actuator) if at_shaft(actuator) else _joint_plot(mechanism.robot, joint)
         plots.append(replace(plot, time=time[rows], x=table[rows, 0], y=table[rows, 1], tolerance=tolerance))
     return tuple(plots)
 
 
-def _shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
+def shaft_plot(joint: RobotJoint, actuator: Actuator) -> XYPlot:
     """The plot of a motor shaft, without data."""
     factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
     scale = np.array([RPM, 1.0])

@@ -27,7 +27,17 @@ SCRIPTS = (  # in the order in which they stand in the page
 _STATE = ("live_state.js", "live_text.js", "live_panel.js")
 LIVE_SCRIPTS = {  # of pages that compute
     "": (),
-    "sizing": (*_STATE, "live_functions.js", "live_motion.js", "live_verdict.js", "live_sizing.js", "live_page.js"),
+    "sizing": (
+        *_STATE,
+        "live_loops.js",
+        "live_functions.js",
+        "live_motion.js",
+        "live_verdict.js",
+        "live_drag.js",
+        "live_posture.js",
+        "live_sizing.js",
+        "live_page.js",
+    ),
     "run": (*_STATE, "live_worker.js", "live_run.js", "live_run_film.js", "live_page.js"),
 }
 LIVE_POLICY = " 'wasm-unsafe-eval'"  # WebAssembly may be compiled; no text becomes a script

@@ -34,7 +34,7 @@ const crossPath = (places) => places.map(([x, y]) => `M${(x - 3).toFixed(1)} ${(
 
 /**
  * A map in `width` px. `x`, `y` and `colour` are columns {name, unit, values}; `shown` the rows that can move; `pick` is
- * called with the row that a click means. Returns its box, `mark`, which rings a row, and `pixel`.
+ * called with the row that a click means. Returns its box, `mark`, which rings a row or none, and `pixel`.
  */
 function makeDesignMap({ x, y, colour, limits, shown, width, pick }) {
   const plot = makeSvgPlot({
@@ -102,6 +102,7 @@ function makeDesignMap({ x, y, colour, limits, shown, width, pick }) {
       return [box.left + places[row][0] * box.width / width, box.top + places[row][1] * box.width / width];
     },
     mark(row) {
+      if (row === null) return ring.setAttribute("visibility", "hidden");
       ring.setAttribute("cx", places[row][0]);
       ring.setAttribute("cy", places[row][1]);
       ring.setAttribute("visibility", "visible");

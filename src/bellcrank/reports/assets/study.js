@@ -44,6 +44,22 @@ function designFacts(study, row) {
   ];
 }
 
+/** The values of the settings of a design, with their numbers. */
+const settingsOf = (study, row) => study.settings.map(({ setting, factor, inverse }, k) => {
+  const value = study.values[row][k];
+  return [setting, inverse ? factor / value : factor * value];
+});
+
+/** Whether the page computes with the values of a design, or is about to. */
+const isDesign = ({ live }, study, row) => live.busy || settingsOf(study, row).every(([k, value]) => live.values[k] === value);
+
+/** Compute a design, in place of one that is kept. */
+async function computeDesign(b, study, row, play) {
+  if (!await b.live?.set(settingsOf(study, row))) return;
+  b.seek(b.start);
+  if (play && !reducedMotion.matches) b.play();
+}
+
 /** A choice of one column of the study. */
 function columnChoice(study, title, chosen, change) {
   const select = element("select", {}, ...study.columns.map(({ name }, k) => element("option", { value: k, textContent: name, selected: k === chosen })));
@@ -59,11 +75,12 @@ function showStudy(study) {
   panel.prepend(element("section", { className: "design-map", ariaLabel: "Map of the designs" }, choices, place, hint, facts));
   const chosen = study.chosen;  // columns by x, y, colour
   let map = null;
-  let current = study.shown[0];
+  let current = study.settings ? null : study.shown[0];  // null: none, as where sliders stand between designs
   const show = (row, play) => {
     current = row;
     map.mark(row);
     facts.replaceChildren(...designFacts(study, row));
+    if (study.settings) return void computeDesign(b, study, row, play);
     const k = study.shown.indexOf(row);
     if (k < 0) return;  // a design that failed has no motion
     b.showMotion(study.motion(k));
@@ -87,7 +104,13 @@ function showStudy(study) {
     choices.append(element("button", { type: "button", textContent: step < 0 ? "‹" : "›", ariaLabel: `${text} design`, title: `${text} design that can move`, onclick: () => walk(step) }));
   }
   draw();
-  show(current, false);
+  if (current !== null) show(current, false);
+  b.live?.listen(() => {
+    if (current === null || isDesign(b, study, current)) return;
+    current = null;
+    map.mark(null);
+    facts.replaceChildren();
+  });
   let width = panel.clientWidth;
   new ResizeObserver(() => {
     if (panel.clientWidth === width || !panel.clientWidth) return;
@@ -95,7 +118,7 @@ function showStudy(study) {
     draw();
   }).observe(panel);
   b.study = {  // for tests
-    get current() { return study.number[current]; },
+    get current() { return current === null ? null : study.number[current]; },
     shown: study.shown.map((row) => study.number[row]),
     show: (k) => show(study.shown[k], false),
     pixel: (k) => map.pixel(study.shown[k]),

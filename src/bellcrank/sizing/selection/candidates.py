@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
-from bellcrank.sizing.selection.criteria import exceeds
+from bellcrank.sizing.selection.criteria import CriterionResult, exceeds
 from bellcrank.sizing.selection.joint_problem import Masses, best_pairs
 from bellcrank.sizing.selection.judge import (
     CRITERIA,
@@ -26,13 +26,14 @@ from bellcrank.sizing.selection.judge import (
     TIERS,
     UNKNOWN,
     Judgement,
+    Tier,
     judge,
 )
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes, without_unknown_masses
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs, Products
 from bellcrank.sizing.selection.ranking import failing_order
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, CriterionResult, Tier
+from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 
 Indices = NDArray[np.intp]
 TierCount = tuple[Tier, int]

@@ -10,7 +10,9 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar
+from dataclasses import asdict, dataclass
+from functools import reduce
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +20,37 @@ from numpy.typing import NDArray
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.config.units import RPM
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.selection import CriterionResult, Verdict
+
+Verdict = Literal["inside", "exceeded", "unknown", "note"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriterionResult:
+    """One criterion of one pair.
+
+    Attributes:
+        name: Such as "voltage limit".
+        use: Utilisation, 1 at the limit; None where unknown or a note.
+        verdict: "inside", "exceeded", "unknown" (something that it needs is not stated), or "note" (not judged).
+        text: A sentence: the load, the limit, and where they come from; or what is missing.
+        estimate: Where the verdict is unknown because another actuator's mass is not stated: the utilisation without
+            that mass. None otherwise.
+    """
+
+    name: str
+    use: float | None
+    verdict: Verdict
+    text: str
+    estimate: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The criterion as JSON holds it."""
+        return asdict(self)
+
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -172,26 +201,39 @@ class Criterion(ABC):
         return "not stated: " + ", ".join(lacking) if lacking else "not known from what is stated"
 
 
+class Bound(NamedTuple):
+    """What an unknown limit is not below, or not above: a name, and the fields whose largest known value it is."""
+
+    name: str
+    fields: tuple[str, ...]
+
+
 class LimitCriterion(Criterion):
     """A load that is at most a limit.
 
     Attributes:
         quantity: Name of the load, as a sentence begins.
         limit_name: Name of the limit.
-        unit: Unit of both; "axis torque" stands for N m or N.
+        unit: Unit of both; "axis torque" stands for N m or N. Fields in rad/s are converted to "rpm".
+        stated: The field that is the limit, such as "gear.max_speed"; a subclass without one has a `limit` of its own.
+        lower_bound: Where the limit is unknown, what it is not below: it shows a pass.
+        upper_bound: Where the limit is unknown, what it is not above: it shows a failure.
     """
 
     quantity: ClassVar[str]
     limit_name: ClassVar[str]
     unit: ClassVar[str]
+    stated: ClassVar[str]
+    lower_bound: ClassVar[Bound | None] = None
+    upper_bound: ClassVar[Bound | None] = None
 
     @abstractmethod
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The load (m,)."""
 
-    @abstractmethod
     def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """The limit (m,); NaN where unknown."""
+        return self._largest(pairs, (self.stated,))
 
     def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array | None:
         """A load (m,) that an unknown one is not below: it shows a failure."""
@@ -199,11 +241,18 @@ class LimitCriterion(Criterion):
 
     def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
         """A figure (m,) that the limit is not below, with its name: it shows a pass where the limit is unknown."""
-        return None
+        return None if (own := self.lower_bound) is None else (self._largest(pairs, own.fields), own.name)
 
     def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
         """A figure (m,) that the limit is not above, with its name: it shows a failure where the limit is unknown."""
-        return None
+        return None if (own := self.upper_bound) is None else (self._largest(pairs, own.fields), own.name)
+
+    def _largest(self, pairs: Pairs, fields: tuple[str, ...]) -> Array:
+        """The largest known value (m,) of fields of the rows, in the unit."""
+        sides = {"motor": pairs.of_motor, "gear": pairs.of_gear}
+        values = (sides[side](name) for side, name in (field.split(".") for field in fields))
+        figures = np.asarray(reduce(np.fmax, values))
+        return figures * RPM if self.unit == "rpm" else figures
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Load over limit; where one is unknown, with a bound of it where that decides."""

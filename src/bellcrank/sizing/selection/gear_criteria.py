@@ -7,18 +7,19 @@ The torque at the output is that of the load, without the actuator's own inertia
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.config.units import RPM
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, exceeds, share, within
+from bellcrank.sizing.selection.criteria import Array, Bools, Bound, LimitCriterion, exceeds, figure, share, within
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
 _HARMONIC_DRIVE = "Harmonic Drive, HFUS-2A manual, p. 19"
-RPM = 30.0 / math.pi
 
 
 class GearCriterion(LimitCriterion):
@@ -50,29 +51,22 @@ class GearAverageTorque(GearCriterion):
     quantity = "average torque"
     limit_name = "limit of the gear's average torque"
     unit = "axis torque"
+    stated = "gear.average_torque"
+    lower_bound: ClassVar[Bound] = Bound("rated torque", ("gear.rated_torque",))  # which may act all the time
+    upper_bound: ClassVar[Bound] = Bound(
+        "limit of repeated peaks", ("gear.repeated_peak_torque",)
+    )  # which may act at times only
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Average torque with the gear's exponent."""
         return average_torque(pairs, cycle)
 
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The gear's `average_torque`."""
-        return pairs.of_gear("average_torque")
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The rated torque, which may act all the time."""
-        return pairs.of_gear("rated_torque"), "rated torque"
-
-    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The repeated peak torque, which may act at times only."""
-        return pairs.of_gear("repeated_peak_torque"), "limit of repeated peaks"
-
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """With an unknown exponent, that of the largest torque where it passes, that of the mean where it does not."""
         use = super().cycle_use(pairs, cycle, conditions)
         limit = self.limit(pairs, cycle, conditions)
-        pass_limit = np.where(np.isnan(limit), self.at_least(pairs, cycle)[0], limit)
-        fail_limit = np.where(np.isnan(limit), self.at_most(pairs, cycle)[0], limit)
+        pass_limit = np.where(np.isnan(limit), self._largest(pairs, self.lower_bound.fields), limit)
+        fail_limit = np.where(np.isnan(limit), self._largest(pairs, self.upper_bound.fields), limit)
         for torque, bound, decides in (
             (cycle.max_torque, pass_limit, within),
             (cycle.average_torque(1.0), fail_limit, exceeds),
@@ -96,8 +90,11 @@ class GearAverageTorque(GearCriterion):
             return f"{between}; {self.missing(pair)}"
         limit, name = float(self.limit(pair, cycle, conditions)[0]), self.limit_name
         if np.isnan(limit):
-            bound, name = (self.at_least if use <= 1.0 else self.at_most)(pair, cycle)
-            limit, name = float(bound[0]), f"{name} (the {self.limit_name} is not stated)"
+            bound = self.lower_bound if use <= 1.0 else self.upper_bound
+            limit, name = (
+                float(self._largest(pair, bound.fields)[0]),
+                f"{bound.name} (the {self.limit_name} is not stated)",
+            )
         return f"{between} of {limit:.4g} {unit}, {name}, in '{cycle.name}'"
 
 
@@ -111,22 +108,14 @@ class GearRepeatedPeak(GearCriterion):
     quantity = "largest torque at the output"
     limit_name = "limit of repeated peaks"
     unit = "axis torque"
+    stated = "gear.repeated_peak_torque"
+    # What may act all the time may act as a peak; the momentary torque is not for repetition.
+    lower_bound = Bound("limit of the average torque", ("gear.average_torque", "gear.rated_torque"))
+    upper_bound = Bound("limit of momentary torque", ("gear.momentary_torque",))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest load torque."""
         return cycle.max_torque + np.zeros(len(pairs))
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The gear's `repeated_peak_torque`."""
-        return pairs.of_gear("repeated_peak_torque")
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The limit of the average, or the rated torque: what may act all the time may act as a peak."""
-        return np.fmax(pairs.of_gear("average_torque"), pairs.of_gear("rated_torque")), "limit of the average torque"
-
-    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The limit of momentary torque, which is not for repetition."""
-        return pairs.of_gear("momentary_torque"), "limit of momentary torque"
 
 
 class GearMomentaryTorque(GearCriterion):
@@ -139,6 +128,8 @@ class GearMomentaryTorque(GearCriterion):
     quantity = "momentary torque"
     limit_name = "limit of momentary torque"
     unit = "axis torque"
+    stated = "gear.momentary_torque"
+    lower_bound = Bound("limit of repeated peaks", ("gear.repeated_peak_torque",))
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs with a gear, where the conditions name a momentary load of the axis."""
@@ -149,14 +140,6 @@ class GearMomentaryTorque(GearCriterion):
         """The momentary load that the conditions name."""
         load = dict(conditions.momentary_loads).get(cycle.axis.name, np.nan)
         return np.full(len(pairs), load * conditions.safety_factor)
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The gear's `momentary_torque`."""
-        return pairs.of_gear("momentary_torque")
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The limit of repeated peaks."""
-        return pairs.of_gear("repeated_peak_torque"), "limit of repeated peaks"
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and its limit, or that no load is given."""
@@ -175,22 +158,13 @@ class GearAverageSpeed(GearCriterion):
     quantity = "mean input speed"
     limit_name = "limit of the gear's average input speed"
     unit = "rpm"
+    stated = "gear.average_speed"
+    lower_bound = Bound("rated speed", ("gear.rated_speed",))  # at which the rated life is given
+    upper_bound = Bound("largest input speed", ("gear.max_speed",))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Mean input speed."""
         return pairs.of_gear("ratio") * cycle.mean_speed * RPM
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The gear's `average_speed`."""
-        return pairs.of_gear("average_speed") * RPM
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The rated speed, at which the rated life is given."""
-        return pairs.of_gear("rated_speed") * RPM, "rated speed"
-
-    def at_most(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The largest input speed."""
-        return pairs.of_gear("max_speed") * RPM, "largest input speed"
 
 
 class GearMaxSpeed(GearCriterion):
@@ -203,18 +177,12 @@ class GearMaxSpeed(GearCriterion):
     quantity = "largest input speed"
     limit_name = "limit of the gear's input speed"
     unit = "rpm"
+    stated = "gear.max_speed"
+    lower_bound = Bound("limit of the average speed", ("gear.average_speed", "gear.rated_speed"))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest input speed."""
         return pairs.of_gear("ratio") * cycle.max_speed * RPM
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The gear's `max_speed`."""
-        return pairs.of_gear("max_speed") * RPM
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The limit of the average speed, or the rated speed."""
-        return np.fmax(pairs.of_gear("average_speed"), pairs.of_gear("rated_speed")) * RPM, "limit of the average speed"
 
 
 class GearLife(GearCriterion):
@@ -279,3 +247,66 @@ def _life_at_rated_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """Hours (m,) at the mean speed and the rated torque."""
     speed = pairs.of_gear("ratio") * cycle.mean_speed
     return floats(pairs.of_gear("life") * pairs.of_gear("rated_speed") / speed)
+
+
+class BearingCriterion(LimitCriterion):
+    """A load of the joint's wrench under the limit of the output bearing, of a gear or of a motor and gear sold as one.
+
+    It is judged where a limit is stated. Otherwise another bearing of the joint may carry the load: a note.
+    """
+
+    field: ClassVar[str]
+
+    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """The limit that the gear states; without a gear, the motor and gear sold as one."""
+        return self._stated(pairs)
+
+    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+        """Pairs with a stated limit."""
+        return np.asarray(~np.isnan(self._stated(pairs)))
+
+    def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
+        """The load and the limit, or that no limit is stated."""
+        load = float(self.demand(pair, cycle, conditions)[0])
+        if self.judged(pair, cycle.axis, conditions)[0]:
+            unknown = f"{self.quantity} unknown: the reaction of a coupled axis is not computed"
+            return unknown if math.isnan(load) else super().cycle_text(pair, cycle, conditions)
+        need = "" if math.isnan(load) else f": another bearing must carry {figure(load)} {self.unit}"
+        return f"no limit is stated{need}"
+
+    def _stated(self, pairs: Pairs) -> Array:
+        return np.where(pairs.of_gear("direct"), pairs.of_motor(self.field), pairs.of_gear(self.field))
+
+
+class TiltingMoment(BearingCriterion):
+    """The largest moment across the joint's axis under the permitted tilting moment."""
+
+    name = "tilting moment"
+    formula = "max |M across the axis| ≤ M_t"
+    source = "the gear's data sheet (output bearing)"
+    needs = (("gear.tilting_moment",), ("motor.tilting_moment",))
+    quantity = "largest moment across the joint's axis"
+    limit_name = "permitted tilting moment"
+    unit = "N m"
+    field = "tilting_moment"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest moment of the joint's wrench."""
+        return np.full(len(pairs), cycle.tilting_moment)
+
+
+class AxialLoad(BearingCriterion):
+    """The largest force along the joint's axis under the permitted axial load."""
+
+    name = "axial load"
+    formula = "max |F along the axis| ≤ F_a"
+    source = "the gear's data sheet (output bearing)"
+    needs = (("gear.axial_load",), ("motor.axial_load",))
+    quantity = "largest force along the joint's axis"
+    limit_name = "permitted axial load"
+    unit = "N"
+    field = "axial_load"
+
+    def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
+        """Largest force of the joint's wrench."""
+        return np.full(len(pairs), cycle.axial_force)

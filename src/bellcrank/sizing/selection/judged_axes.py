@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,8 @@ from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choi
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge, verdicts
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
 from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, Verdicts, rank_keys
-from bellcrank.sizing.selection.selection import Objective
 
+Objective = Literal["mass", "cost", "loss", "margin"]
 Array = NDArray[np.float64]
 OF_MOTION = frozenset(
     {"motor speed", "gear average input speed", "gear largest input speed", "motor type", "nominal voltage"}

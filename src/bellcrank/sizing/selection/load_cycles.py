@@ -113,7 +113,7 @@ def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Sh
         found = {"load": np.abs(load), "speed": np.abs(speed), "motoring": load * speed, "generating": -load * speed}
         return found if shafts is None else found | shafts(load, speed, a[:, columns])
 
-    grid = coarse_grid_along(motion, force_breaks(mechanism), squared)
+    grid = coarse_grid_along(motion, force_breaks(mechanism), squared, torque)
     grid = with_probes(motion, grid, reversal_times(motion, coulomb_widths(mechanism)))
     _, peaks = maxima(motion, grid, largest)
     grid = with_probes(motion, grid, np.concatenate([peak.time for peak in peaks.values()]))

@@ -10,10 +10,9 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, exceeds
+from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, CriterionResult, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.selection import CriterionResult
 
 COMMON_BUS = "common bus"
 

@@ -10,6 +10,7 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
 from bellcrank.actuators.short_time_limits import voltage_limit_source
+from bellcrank.config.units import RPM
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import (
     AT_LEAST,
@@ -18,6 +19,7 @@ from bellcrank.sizing.selection.criteria import (
     TORQUE_CONSTANT,
     Array,
     Bools,
+    Bound,
     Criterion,
     LimitCriterion,
     alternatives,
@@ -38,7 +40,6 @@ from bellcrank.sizing.selection.shaft_loads import (
     speed_coefficients,
 )
 
-RPM = 30.0 / math.pi
 THERMAL_LIMIT = (
     "motor.resistance",
     "motor.resistance_winding_housing",
@@ -60,18 +61,12 @@ class MotorSpeed(LimitCriterion):
     quantity = "largest motor speed"
     limit_name = "largest permitted speed"
     unit = "rpm"
+    stated = "motor.max_speed"
+    lower_bound = Bound("nominal speed", ("motor.nominal_speed",))  # at which the motor may run all the time
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest speed of the shaft."""
         return pairs.of_gear("ratio") * cycle.max_speed * RPM
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The motor's `max_speed`."""
-        return pairs.of_motor("max_speed") * RPM
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The nominal speed, at which the motor may run all the time."""
-        return pairs.of_motor("nominal_speed") * RPM, "nominal speed"
 
 
 class ContinuousTorqueCriterion(LimitCriterion):
@@ -127,6 +122,8 @@ class PeakTorque(LimitCriterion):
     quantity = "largest shaft torque"
     limit_name = "peak torque"
     unit = "N m"
+    stated = "motor.peak_torque"
+    lower_bound = Bound("nominal torque", ("motor.nominal_torque",))  # which may act all the time
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs but those whose motor states a peak current instead."""
@@ -141,14 +138,6 @@ class PeakTorque(LimitCriterion):
         """Largest bound of the shaft torque in `shaft_loads.least_coefficients`."""
         return largest(least_coefficients(pairs, cycle, electrical=False), cycle.aligned)
 
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The motor's `peak_torque`."""
-        return pairs.of_motor("peak_torque")
-
-    def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str]:
-        """The nominal torque, which may act all the time."""
-        return pairs.of_motor("nominal_torque"), "nominal torque"
-
 
 class PeakCurrent(LimitCriterion):
     """The largest electrical torque under that of the peak current; a note where no peak current is stated."""
@@ -160,6 +149,7 @@ class PeakCurrent(LimitCriterion):
     quantity = "largest electrical torque"
     limit_name = "that of the peak current"
     unit = "N m"
+    stated = "motor.peak_electrical_torque"
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """Pairs whose motor states a peak current."""
@@ -176,10 +166,6 @@ class PeakCurrent(LimitCriterion):
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest shaft torque and the largest friction at once."""
         return bound_of_electrical_torque(pairs, cycle) <= level * pairs.of_motor("peak_electrical_torque")
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """Torque of the peak current."""
-        return pairs.of_motor("peak_electrical_torque")
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and its limit, or that none is stated."""
@@ -274,6 +260,7 @@ class HoldingBrake(LimitCriterion):
     quantity = "largest static torque at the shaft"
     limit_name = "holding torque of the brake"
     unit = "N m"
+    stated = "motor.brake_torque"
 
     def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
         """All pairs, where a brake is asked for."""
@@ -282,7 +269,3 @@ class HoldingBrake(LimitCriterion):
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest static torque over the ratio."""
         return cycle.static_torque / pairs.of_gear("ratio")
-
-    def limit(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """The motor's `brake_torque`."""
-        return pairs.of_motor("brake_torque")

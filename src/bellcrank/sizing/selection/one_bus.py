@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
-from bellcrank.sizing.selection.feedback import fixed_point
 from bellcrank.sizing.selection.joint_problem import Masses, judge_choice
-from bellcrank.sizing.selection.joint_search import SearchResult, best_combination
+from bellcrank.sizing.selection.joint_search import SearchResult, best_combination, fixed_point
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, total
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
 
@@ -23,14 +23,12 @@ from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_o
 from bellcrank.sizing.massless_motors import refuse_massless
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.motion_peaks import undetermined_peaks
-from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
-from bellcrank.sizing.selection.choose import choose
+from bellcrank.sizing.selection.choose import choose, selection_of
 from bellcrank.sizing.selection.joint_problem import Choice
-from bellcrank.sizing.selection.judged_axes import JudgedAxes
-from bellcrank.sizing.selection.selection import Objective, Selection, SelectionInputs
-from bellcrank.sizing.selection.selection_of import selection_of
+from bellcrank.sizing.selection.judged_axes import JudgedAxes, Objective
+from bellcrank.sizing.selection.selection import Selection, SelectionInputs
 from bellcrank.sizing.subject import OneMotion, SizingSubject, override_notes, sizing_subject
 from bellcrank.terminal.progress import counting
 
@@ -123,8 +121,6 @@ def select(
         >>> selection.axis("shoulder").chosen.mass == selection.mass
         True
     """
-    objective = cast(Objective, arguments.one_of("objective", objective, get_args(Objective)))
-    feedback = arguments.flag("feedback", feedback)
     candidates = arguments.whole("candidates", candidates, least=1, most=arguments.MOST_ITEMS)
     if effort is not None:
         effort = arguments.whole("effort", effort, least=0)
@@ -133,6 +129,102 @@ def select(
         from bellcrank.sizing.verification import checked_limits
 
         limits = checked_limits(simulated_limits, "simulated_limits")
+    prepared = prepare_selection(
+        robot, motions, catalogue, objective, conditions=conditions, duty=duty, keep=keep, exclude=exclude,
+        makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback, payloads=payloads,
+        allow_massless=allow_massless, overrides=overrides, trust=trust,
+    )  # fmt: skip
+    whole = prepared.choose(candidates, effort)
+    if not limits:
+        return whole
+    if prepared.subject.config is None:
+        raise InputError("argument 'simulated_limits': a selection for a bare robot has no file to simulate")
+    from bellcrank.sizing.followed_selection import followed_selection
+
+    def again(given_pairs: Mapping[str, str]) -> Selection:
+        return select(
+            robot, motions, catalogue, objective, conditions=conditions, duty=duty,
+            keep={**prepared.kept, **given_pairs},
+            exclude=exclude, makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback,
+            candidates=candidates, effort=effort, payloads=payloads, allow_massless=allow_massless,
+            overrides=overrides, trust=trust,
+        )  # fmt: skip
+
+    return replace(followed_selection(whole, again, limits), simulated_limits=limits)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PreparedSelection:
+    """The pairs of all axes of a robot under its loads, from which `select` chooses.
+
+    Attributes:
+        subject: The robot and its motions.
+        products: What is chosen from, without assumed values.
+        kept: Given pairs by axis.
+        cycle_and_axes: The duty program, transmissions and mounts.
+        problem: The pairs, judged.
+        warnings: What to know about the subject and what is assumed.
+    """
+
+    subject: SizingSubject
+    products: Catalogue
+    kept: Mapping[str, str]
+    cycle_and_axes: tuple[Any, Any, Any]
+    problem: JudgedAxes
+    warnings: tuple[str, ...]
+
+    def choose(self, candidates: int = 1, effort: int | None = None) -> Selection:
+        """Choose, and list some candidates of each axis."""
+        subject, problem = self.subject, self.problem
+        if effort is None:
+            many = sum(len(one.pairs) for one in problem.axes) > MANY_PAIRS
+            effort = EFFORT_OF_MANY_PAIRS if many else EFFORT
+        with counting("select", " pairs") as bar:
+            problem.progress = lambda done: bar(done, done)
+            chosen = choose(problem, effort)
+            drives = _chosen_drives(problem, chosen.choice)
+            added = problem.added_masses(problem.choice_masses(chosen.choice))
+            known = set(drives) <= set(self.kept) and not added
+            loads = problem.loads if known else axis_loads(
+                subject.mechanism, subject.motions, *self.cycle_and_axes, drives, added=added
+            )  # fmt: skip
+            final = problem if known else replace(problem, loads=loads)
+            selection = selection_of(problem, final, chosen, candidates, effort)
+        undetermined = undetermined_peaks(subject.mechanism, subject.motions, {})
+        return replace(
+            selection,
+            robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
+            feedback=problem.feedback,
+            inputs=SelectionInputs(
+                subject.mechanism, tuple(subject.motions), subject.config, self.products, self.cycle_and_axes[0]
+            ),
+            warnings=tuple(dict.fromkeys([*self.warnings, *selection.warnings])),
+            undetermined=(*undetermined, *reached(subject.file_notes)),
+        )
+
+
+def prepare_selection(
+    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    motions: OneMotion | Sequence[OneMotion] | None,
+    catalogue: Catalogue | str | Path | Sequence[str | Path] | None,
+    objective: Objective,
+    *,
+    conditions: Conditions | Mapping[str, Any] | None = None,
+    duty: Sequence[Any] | None = None,
+    keep: Mapping[str, str] | None = None,
+    exclude: Iterable[str] = (),
+    makers: Iterable[str] = (),
+    transmissions: Iterable[CoupledTransmission] | None = None,
+    mounts: Mapping[str, Mount] | None = None,
+    feedback: bool = True,
+    payloads: Iterable[Payload] = (),
+    allow_massless: Iterable[str] = (),
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> PreparedSelection:
+    """The pairs that `select` with these arguments chooses from. Raises InputError as `select`."""
+    objective = cast(Objective, arguments.one_of("objective", objective, get_args(Objective)))
+    feedback = arguments.flag("feedback", feedback)
     given = Conditions().updated(conditions)
     subject = sizing_subject(robot, motions, payloads, trust, overrides=overrides)
     own = None if subject.config is None else subject.config.catalogue
@@ -140,56 +232,27 @@ def select(
     refuse_massless("selection", subject.mechanism, subject.motions, allow_massless)
     kept = _kept(keep)
     cycle_and_axes = _cycle_and_axes(subject, duty, transmissions, mounts)
-
-    def loads_of(drives: Mapping[str, Actuator], added: Mapping[str, AddedMass] | None = None) -> AxisLoads:
-        return axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives, added=added)
-
-    loads = loads_of(_kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given)))
+    drives = _kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given))
+    loads = axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives)
     common = conditions_of(subject.config, None, given)
     of_axes = [conditions_of(subject.config, axis.name, given) for axis in loads.axes]
     check_momentary_loads(common, [axis.name for axis in loads.axes])
     pairs = axis_pairs(loads.axes, _completed(products, of_axes), kept)
     check_prices(pairs, objective)
-    if effort is None:
-        effort = EFFORT if sum(len(one.pairs) for one in pairs) <= MANY_PAIRS else EFFORT_OF_MANY_PAIRS
-    with counting("select", " pairs") as bar:
-        problem = JudgedAxes(loads, pairs, of_axes, common, objective, feedback, lambda done: bar(done, done))
-        chosen = choose(problem, effort)
-        drives = _chosen_drives(problem, chosen.choice)
-        added = problem.added_masses(problem.choice_masses(chosen.choice))
-        known = set(drives) <= set(kept) and not added
-        final = problem if known else replace(problem, loads=loads_of(drives, added))
-        selection = selection_of(problem, final, chosen, candidates, effort)
-    robot_name = subject.mechanism.robot.name if subject.config is None else subject.config.name
     warnings = [
         *(subject.duty_notes if duty is None else ()),
         *_subject_warnings(subject),
         *loads.warnings,
         *_assumed_notes(products, pairs, of_axes),
     ]
-    whole = replace(
-        selection,
-        robot=robot_name,
-        feedback=feedback,
-        inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, products, cycle_and_axes[0]),
-        warnings=tuple(dict.fromkeys([*warnings, *selection.warnings])),
-        undetermined=(*undetermined_peaks(subject.mechanism, subject.motions, {}), *reached(subject.file_notes)),
+    return PreparedSelection(
+        subject=subject,
+        products=products,
+        kept=kept,
+        cycle_and_axes=cycle_and_axes,
+        problem=JudgedAxes(loads, pairs, of_axes, common, objective, feedback),
+        warnings=tuple(warnings),
     )
-    if not limits:
-        return whole
-    if subject.config is None:
-        raise InputError("argument 'simulated_limits': a selection for a bare robot has no file to simulate")
-    from bellcrank.sizing.followed_selection import followed_selection
-
-    def again(given_pairs: Mapping[str, str]) -> Selection:
-        return select(
-            robot, motions, catalogue, objective, conditions=conditions, duty=duty, keep={**kept, **given_pairs},
-            exclude=exclude, makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback,
-            candidates=candidates, effort=effort, payloads=payloads, allow_massless=allow_massless,
-            overrides=overrides, trust=trust,
-        )  # fmt: skip
-
-    return replace(followed_selection(whole, again, limits), simulated_limits=limits)
 
 
 def _products(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
@@ -14,10 +14,13 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable
 from bellcrank.errors import InputError
-from bellcrank.files import atomic_write
+from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
 from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.criteria import CriterionResult
+from bellcrank.sizing.selection.judge import Tier
+from bellcrank.sizing.selection.judged_axes import Objective
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,34 +31,6 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.verification import SelectionVerification
-
-Verdict = Literal["inside", "exceeded", "unknown", "note"]
-Tier = Literal["all criteria shown", "passes what is known", "fails"]
-Objective = Literal["mass", "cost", "loss", "margin"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CriterionResult:
-    """One criterion of one pair.
-
-    Attributes:
-        name: Such as "voltage limit".
-        use: Utilisation, 1 at the limit; None where unknown or a note.
-        verdict: "inside", "exceeded", "unknown" (something that it needs is not stated), or "note" (not judged).
-        text: A sentence: the load, the limit, and where they come from; or what is missing.
-        estimate: Where the verdict is unknown because another actuator's mass is not stated: the utilisation without
-            that mass. None otherwise.
-    """
-
-    name: str
-    use: float | None
-    verdict: Verdict
-    text: str
-    estimate: float | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """The criterion as JSON holds it."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,10 +133,11 @@ class SelectionInputs(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection(Portable, WithNotes):
+class Selection(Portable, WithNotes, WithJson, WithCsv):
     """The motors and gears of a robot, made by `bellcrank.select`.
 
-    `print` shows its tables and the verdict; a notebook shows them as HTML tables.
+    `print` shows its tables and the verdict; a notebook shows them as HTML tables. `to_csv` writes one line an axis and
+    candidate.
 
     Attributes:
         robot: Name of the robot or robot configuration.
@@ -207,6 +183,7 @@ class Selection(Portable, WithNotes):
     undetermined: tuple[str, ...] = ()
     verification: SelectionVerification | None = field(default=None, repr=False, compare=False)
     simulated_limits: Mapping[str, float] = field(default_factory=dict)
+    json_layout: ClassVar = JsonLayout(1)
 
     def __repr__(self) -> str:
         chosen = ", ".join(f"{one.axis.name}: {one.chosen.id if one.chosen else 'nothing fits'}" for one in self.axes)
@@ -267,47 +244,25 @@ class Selection(Portable, WithNotes):
         gears = {one.id: one for one in self.inputs.catalogue.gears}
         return motors.get(motor.id, motor), gears.get(gear.id, gear)
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write selection.csv: one line an axis and candidate, with units in the header.
-
-        Args:
-            path: The file to write.
+    def as_dict(self) -> dict[str, Any]:
+        """The whole selection as data for JSON.
 
         Returns:
-            The path of the file.
-
-        Raises:
-            InputError: Where the file cannot be written.
+            Values in SI units; None where one is unknown.
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.select("geared_pendulum").to_csv("motors.csv").name
-            'motors.csv'
+            >>> bc.select("geared_pendulum").as_dict()["objective"]
+            'mass'
         """
+        from bellcrank.sizing.selection.selection_files import selection_data
+
+        return selection_data(self)
+
+    def _csv_text(self) -> str:
         from bellcrank.sizing.selection.selection_files import csv_text
 
-        return _written(path, csv_text(self))
-
-    def to_json(self, path: str | Path) -> Path:
-        """Write selection.json: the whole selection in SI units.
-
-        Args:
-            path: The file to write.
-
-        Returns:
-            The path of the file.
-
-        Raises:
-            InputError: Where the file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> bc.select("geared_pendulum").to_json("motors.json").name
-            'motors.json'
-        """
-        from bellcrank.sizing.selection.selection_files import json_text
-
-        return _written(path, json_text(self, ()))
+        return csv_text(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None) -> Figure:
         """Draw the selection.
@@ -332,9 +287,7 @@ class Selection(Portable, WithNotes):
         """
         from bellcrank.sizing.selection.plots import plot_selection
 
-        if path is not None:
-            path = arguments.path("path", path, "the path of a picture")
-        return plot_selection(self, path, None if what is None else arguments.text("what", what))
+        return plot_selection(self, arguments.picture(path), None if what is None else arguments.text("what", what))
 
     def write_config(self, path: str | Path) -> Path:
         """Write the robot configuration with the chosen actuators, which `size`, `simulate` and `replay` open.
@@ -410,12 +363,6 @@ class Selection(Portable, WithNotes):
             and all(one.chosen is not None and one.chosen.tier == "all criteria shown" for one in self.axes)
             and all(result.verdict in ("inside", "note") for result in self.system)
         )
-
-
-def _written(path: str | Path, text: str) -> Path:
-    target = arguments.path("path", path, "the path of a file")
-    atomic_write.write_text(target, text)
-    return target
 
 
 def _sum(values: Iterable[float | None]) -> float | None:

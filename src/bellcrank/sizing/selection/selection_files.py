@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from bellcrank.actuators.product_fields import product_data
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.access import read_text
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
+
+if TYPE_CHECKING:
+    from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 RESULTS = ("selection.csv", "selection.json")
 PICTURES = ("motors.png", "utilisation.png", "pareto.png")
@@ -77,11 +79,13 @@ def csv_text(selection: Selection) -> str:
 
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
-    """The text of selection.json: the whole selection in SI units, with null for what is unknown.
+    """The text of selection.json. "files" lists `files`; `json_files.list_files` adds those that are written later."""
+    return json_files.json_text(selection_data(selection, files), **selection.json_layout._asdict())
 
-    "files" lists `files`; `json_files.list_files` adds those that are written later.
-    """
-    document = {
+
+def selection_data(selection: Selection, files: Iterable[str] = ()) -> dict[str, Any]:
+    """The whole selection in SI units, as selection.json holds it, with None for what is unknown."""
+    return {
         "robot": selection.robot,
         "objective": selection.objective,
         "files": list(files),
@@ -104,7 +108,6 @@ def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
         "pareto": [one._asdict() for one in selection.pareto],
         "pareto_proof": selection.pareto_proof,
     }
-    return json_files.json_text(document)
 
 
 def _simulated(selection: Selection) -> dict[str, Any]:

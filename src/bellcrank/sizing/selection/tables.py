@@ -6,13 +6,16 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
 from bellcrank.actuators.conditions import Conditions, entries
 from bellcrank.sizing.selection.judged_axes import MAIN
-from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 from bellcrank.sizing.tables import not_known
 from bellcrank.sizing.text_tables import TableContent, html_table, text_table
+
+if TYPE_CHECKING:
+    from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"

@@ -10,8 +10,7 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque, resistance_factor
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
-from bellcrank.actuators.thermal_cycle import periodic_temperatures
-from bellcrank.actuators.time_to_limit import time_to_limit
+from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
 from bellcrank.sizing.selection.axis_loads import Axis
 from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import DIRECTION, SPEED, ReducedCycle

@@ -141,13 +141,16 @@ def _payloads(selection: Selection, config: RobotConfig) -> tuple[list[dict[str,
         assert one.chosen is not None
         if one.chosen.mass is None:
             notes.append(f"the mass of {one.chosen.id} is unknown, and not part of the file")
-        elif (payload := _payload(one, one.chosen)) is not None:
+        elif (payload := actuator_payload(one, one.chosen)) is not None:
             found.append(payload)
     return found, tuple(notes)
 
 
-def _payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
-    """The body of an actuator at its mount, less what the URDF contains of it; None where nothing is left."""
+def actuator_payload(one: AxisSelection, chosen: Candidate) -> dict[str, Any] | None:
+    """The body of an actuator of known mass at its mount, less what the URDF contains; None where nothing is left.
+
+    Raises InputError where the URDF contains more than the body.
+    """
     body, included = body_of(chosen.motor, chosen.gear), one.axis.included
     assert body is not None  # its mass is known
     mass, axial, transverse = body.numbers - included.numbers

@@ -8,6 +8,7 @@ left out. Source: Y. Y. Haimes, L. S. Lasdon, D. A. Wismer, IEEE Trans. Systems,
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -23,7 +24,8 @@ from bellcrank.files.access import Trust
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.optimise_entry import MOST_POINTS
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.executors import MOST_THREADS
+from bellcrank.studies.executors import choose_executor
+from bellcrank.studies.optimisation.kept_designs import KeptDesigns
 from bellcrank.studies.optimisation.local_search import KEPT
 from bellcrank.studies.optimisation.optimise import result_of_known, run_search, search_known
 from bellcrank.studies.optimisation.optimum import Optimum
@@ -48,12 +50,19 @@ def pareto_front(
     limits: Sequence[str] | None = None,
     points: int | None = None,
     size: bool | None = None,
+    fastest: bool | None = None,
     start: Mapping[str, Any] | None = None,
     samples: int | None = None,
     starts: int | None = None,
     seed: int | None = None,
+    tolerances: Mapping[str, Any] | None = None,
+    robust: str | None = None,
+    folder: str | Path | None = None,
+    restart: bool = False,
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int], object] | None = None,
     trust: Trust = (),
 ) -> ParetoFront:
@@ -68,12 +77,19 @@ def pareto_front(
         points: The number of levels of each objective but the first, by default 9. Where all combinations of standard
             sizes are run, all designs of the front are found, whatever `points` is.
         size: As for `optimise`.
+        fastest: As for `optimise`.
         start: As for `optimise`.
         samples: As for `optimise`.
         starts: The number of local searches for the best of each objective, by default 8; a quarter for each level.
         seed: As for `optimise`.
+        tolerances: As for `optimise`.
+        robust: As for `optimise`.
+        folder: As for `optimise`.
+        restart: As for `optimise`.
         overrides: As for `optimise`.
         threads: As for `optimise`.
+        workers: As for `optimise`.
+        scheduler: As for `optimise`.
         progress: As for `optimise`.
         trust: As for `optimise`.
 
@@ -95,16 +111,23 @@ def pareto_front(
     scene = given_scene(scene, overrides, trust)
     if progress is not None:
         arguments.function("progress", progress)
-    asked = Request(variables, minimise, maximise, limits, size, start, samples, starts, seed, points)
-    if threads is not None:
-        threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
-    problem, asked, begin = plan_search(scene, asked, threads, progress)
+    asked = Request(
+        variables, minimise, maximise, limits, size, start, samples, starts, seed, points, tolerances, robust, fastest
+    )
+    executor = choose_executor(threads, workers, scheduler)
+    problem, asked, begin = plan_search(scene, asked, executor, progress)
     if len(asked.objectives) < 2:
         raise InputError(
             f"pareto_front {scene.name}: expected two measures or more to minimise or to maximise, found "
             f"{asked.several}; bellcrank.optimise finds the best of one"
         )
-    return run_front(problem, asked, begin)
+    restart = arguments.flag("restart", restart)
+    with contextlib.ExitStack() as stack:
+        if folder is not None:
+            kept = KeptDesigns(arguments.path("folder", folder, "the path of a folder"), restart=restart)
+            problem.keep_in(stack.enter_context(kept))
+        stack.enter_context(executor)
+        return run_front(problem, asked, begin)
 
 
 def run_front(problem: DesignProblem, asked: Request, start: Array | None) -> ParetoFront:
@@ -155,7 +178,7 @@ class _Front:
 
     def _framed(self, k: int, levels: Mapping[int, float]) -> DesignProblem:
         """The problem of an objective with the others at levels, or without effect."""
-        units, limits = self.pool.runner.units, list(self.limits)
+        units, limits = self.pool.units, list(self.limits)
         for j, (name, sign) in enumerate(self.asked.objectives):
             if j != k:
                 limits.append(level(name, sign, levels.get(j, sign * FAR), units))

@@ -7,7 +7,7 @@ Otherwise they are differences of fourth order of designs that are run together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +18,8 @@ from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.sensitivities import sizing_sensitivities, torque_maxima
+from bellcrank.studies.optimisation.formulas import choices
+from bellcrank.studies.optimisation.waypoint_gradients import covers, slopes_of
 from bellcrank.studies.plain_axes import Kind
 from bellcrank.studies.simulation_runner import NOISE, SimulationRunner
 from bellcrank.studies.sizing_axes import factors
@@ -62,7 +64,7 @@ class Gradients:
 
     Attributes:
         problem: The problem.
-        exact: Which measures have exact gradients.
+        exact: Which measures, of which formulas may be made, have exact gradients.
     """
 
     problem: DesignProblem
@@ -72,40 +74,116 @@ class Gradients:
         noise = self.problem.runner.noise[1] / (NOISE if isinstance(self.problem.runner, SimulationRunner) else 1.0)
         self.step = float(np.clip(0.3 * noise**0.2, SHORTEST, LONGEST))
         self.factors = np.array([variable.width for variable in self.problem.variables])
-        self.names = self._names()
+        self.names = self._names() if self.problem.robustness is None else ()
+        runner = self.problem.runner
+        plain = self.problem.robustness is None and not self.names
+        self.beside = plain and isinstance(runner, SizingRunner) and covers(runner.shared)
         if self.names:
-            self.exact = frozenset(filter(self._is_exact, self.problem.measures))
+            self.exact = frozenset(filter(self._is_exact, self.problem.leaves))
+
+    @property
+    def exact_measures(self) -> frozenset[str]:
+        """The measures and formulas whose gradients are exact."""
+        problem = self.problem
+        return frozenset(name for name in problem.measures if self.exact.issuperset(problem.leaves_of(name)))
 
     def at(
         self, points: Sequence[Array], values: Sequence[Array], free: Sequence[NDArray[np.bool_]] | None = None
     ) -> list[list[list[Row]]]:
-        """For each design, the rows of each measure; `values` (1 + limits,) are those of the designs.
+        """For each design, the rows of each measure, which is the largest of them; `values` (1 + limits,) are its own.
 
         A gradient that is not known, because designs beside it are infeasible, is NaN. That by a variable that is not
         `free` (variables,) may be 0 instead.
         """
-        measures = self.problem.measures
+        every = np.ones((len(points), len(self.factors)), dtype=bool)
+        wanted = every if free is None else np.array(free)
+        if self.problem.robustness is not None and len(points):
+            return self._rows_of_scenarios(np.array(points), wanted)
+        measures = self.problem.leaves
+        plain = [self.problem.plain[point.tobytes()] for point in points]
         found = [[list[Row]() for _ in measures] for _ in points]
-        for rows, point, value in zip(found, points, values, strict=True):
+        for rows, point, value in zip(found, points, plain, strict=True):
             if self.exact:
                 own = self._exact_rows(point)
                 for k, name in enumerate(measures):
                     if given := own.get(name):
                         shift = value[k] - max(row.value for row in given)  # to the value of the sweep's engine
                         rows[k] = [row._replace(value=row.value + shift) for row in given]
+        if self.beside:
+            for rows, point, value in zip(found, points, plain, strict=True):
+                for name, near in self._rows_of_waypoints(point).items():
+                    if name in measures and not rows[k := measures.index(name)]:
+                        shift = value[k] - max(row.value for row in near)
+                        rows[k] = [row._replace(value=row.value + shift) for row in near]
         left = [k for k, name in enumerate(measures) if any(not rows[k] for rows in found)]
         if left:
-            every = np.ones((len(points), len(self.factors)), dtype=bool)
-            slopes = self._differences(np.array(points), np.array(values), every if free is None else np.array(free))
-            for rows, value, slope in zip(found, values, slopes, strict=True):
+            slopes = self._differences(np.array(points), np.array(plain), wanted, self.problem.run_plain)
+            for rows, value, slope in zip(found, plain, slopes, strict=True):
                 for k in left:
                     rows[k] = rows[k] or [Row(float(value[k]), slope[k], (measures[k],))]
+        return [self._of_measures(rows, value) for rows, value in zip(found, plain, strict=True)]
+
+    def _of_measures(self, rows: Sequence[Sequence[Row]], plain: Array) -> list[list[Row]]:
+        """The rows of measures and formulas from those of the measures that these are made from.
+
+        Of a peak that makes a design worse all maxima count; one that makes it better, or is to have a value, is no set
+        of conditions: its largest maximum counts.
+        """
+        problem, found = self.problem, []
+        equal = [False, *(limit.relation == "=" for limit in problem.limits)]
+        for name, side, same in zip(problem.measures, problem.sides.tolist(), equal, strict=True):
+            at = [problem.leaves.index(leaf) for leaf in problem.leaves_of(name)]
+            value, slopes = plain[at], np.ones(1)
+            if formula := problem.formulas.get(name):
+                value, slopes = plain[at], formula.slopes(plain[at])
+            several, drops = [], []
+            for k, top, slope in zip(at, value, slopes.tolist(), strict=True):
+                own = rows[k] if slope * side > 0.0 and not same else [max(rows[k], key=lambda row: row.value)]
+                several.append(own)
+                drops.append([abs(slope) * (top - row.value) for row in own])
+            if formula is None:
+                found.append(list(several[0]))
+                continue
+            whole = float(formula.values(value))
+            found.append([self._combined(chosen, whole, value, slopes) for chosen in choices(several, drops)])
         return found
+
+    @staticmethod
+    def _combined(chosen: Sequence[Row], whole: float, plain: Array, slopes: Array) -> Row:
+        """The formula, linearised where each measure is one of its rows."""
+        beyond = float(sum(s * (row.value - v) for s, row, v in zip(slopes, chosen, plain, strict=True)))
+        gradient = np.sum([s * row.gradient for s, row in zip(slopes, chosen, strict=True)], axis=0)
+        time = sum(k * row.time for k, row in enumerate(chosen, 1))
+        return Row(whole + beyond, gradient, tuple(part for row in chosen for part in row.key), time)
 
     # ---- differences
 
-    def _differences(self, points: Array, values: Array, free: NDArray[np.bool_]) -> Array:
-        """Slopes (designs, measures, variables) of designs (n, variables); NaN where no stencil fits."""
+    def _rows_of_scenarios(self, points: Array, free: NDArray[np.bool_]) -> list[list[list[Row]]]:
+        """Of the worst, a row for each deviation; of mean and standard deviation, their row."""
+        robust = self.problem.robustness
+        assert robust is not None
+        values = self.problem.run_scenarios(points)
+        slopes = self._differences(points, values.reshape(len(points), -1), free, self.problem.run_scenarios)
+        slopes = slopes.reshape(*values.shape, -1)
+        combined, found = robust.combined(values, self.problem.sides), []
+        for one, slope, whole in zip(values, slopes, combined, strict=True):
+            rows = []
+            for k, (name, side) in enumerate(zip(self.problem.measures, self.problem.sides.tolist(), strict=True)):
+                if robust.factor is None:
+                    several = zip(one[:, k].tolist(), slope[:, k], strict=True)
+                    rows.append([Row(value, by, (name, str(s))) for s, (value, by) in enumerate(several)])
+                else:
+                    rows.append([Row(float(whole[k]), robust.weights(one[:, k], side) @ slope[:, k], (name,))])
+            found.append(rows)
+        return found
+
+    def _differences(
+        self, points: Array, values: Array, free: NDArray[np.bool_], run_designs: Callable[[Array], Array]
+    ) -> Array:
+        """Slopes (designs, measures, variables) of designs (n, variables); NaN where no stencil fits.
+
+        `values` (n, measures) are those of the designs; where they are judged at deviations, those of each, as columns.
+        """
         found = np.where(free[:, None, :], np.full((1, values.shape[1], 1), np.nan), 0.0)
         for stencil in STENCILS:
             wanted, asked = [], []
@@ -119,11 +197,22 @@ class Gradients:
                         asked.append(beside)
             if not wanted:
                 continue
-            run = iter(self.problem.run(np.array(asked)))
+            run = iter(run_designs(np.array(asked)).reshape(len(asked), -1))
             for row, k in wanted:
                 parts = [w * (next(run) if place else values[row]) for place, w in stencil.items()]
                 found[row, :, k] = np.sum(parts, axis=0) / self.step
         return found
+
+    def _rows_of_waypoints(self, point: Array) -> dict[str, list[Row]]:
+        """The rows of measures by differences with maxima where they are, at a design; none where there are none."""
+        runner = self.problem.runner
+        assert isinstance(runner, SizingRunner)
+        found = slopes_of(runner.shared, self.problem.numbers(point[None])[0] * factors(runner.axes, runner.changes),
+                          self.factors)  # fmt: skip
+        return {
+            name: [Row(value, slope, (name,), time) for value, slope, time in several]
+            for name, several in found.items()
+        }
 
     # ---- exact
 
@@ -134,7 +223,8 @@ class Gradients:
             self.factors = self.factors * factors(runner.axes, runner.changes)
             known = all(change.kind == "parameter" for change in runner.changes) and not runner._path_notes()
             return tuple(change.path for change in runner.changes) if known else ()
-        assert isinstance(runner, SimulationRunner)
+        if not isinstance(runner, SimulationRunner):
+            return ()
         plain = {axis.column: axis for axis in runner.designs.plain}
         starts = {Kind.PARAMETER: "", Kind.POSITION: "initial.", Kind.VELOCITY: "initial.velocity."}
         found = []

@@ -26,6 +26,9 @@ ENOUGH = 1e-9  # of the residual, at which a search ends
 CONVERGED = 1e-6  # of the residual, up to which its end is called an optimum
 KEPT = 1e-7  # by how much a limit may be broken, as a share of its spread
 AT_BOUND = 1e-9
+# A bound holds a step that comes so near to it, and so near in proportion to its multiplier: one of them vanishes
+# (F. Facchinei, A. Fischer, C. Kanzow, SIAM J. Optim. 9 (1998) 14-32).
+NEAR_BOUND, HOLDS = 1e-6, 1e-3
 ACTIVE = 1e-6
 PENALTY, LARGEST_PENALTY = 10.0, 1e7
 PRECISE = {"eps_abs": 1e-12, "eps_rel": 1e-12}  # of the quadratic programmes
@@ -75,6 +78,7 @@ class Search:
         upper: See `lower`.
         reason: Why it ended; empty while it goes on.
         blocked: Why the last design that it tried was infeasible; empty where it was not.
+        hidden: Reductions of the scaled objective that its errors may hide.
     """
 
     point: Array
@@ -91,6 +95,7 @@ class Search:
     old: tuple[Array, list[Function]] | None = None
     kkt: Kkt | None = None
     fresh: bool = True
+    hidden: float = TINY
     tiny: int = 0
     restarts: int = 3
 
@@ -116,7 +121,8 @@ def local_searches(
     size = starts.shape[1]
     lower, upper = (np.zeros_like(starts), np.ones_like(starts)) if boxes is None else boxes
     given = zip(starts, values, lower, upper, strict=True)
-    searches = [Search(*one, hessian=np.eye(size)) for one in given]
+    hidden = max(TINY, problem.error)
+    searches = [Search(*one, hessian=np.eye(size), hidden=hidden) for one in given]
     for one in searches:
         if not one.free.any():
             one.reason = "nothing is left to vary"
@@ -145,12 +151,10 @@ def linearise(problem: DesignProblem, gradients: Gradients, searches: Sequence[S
     for one, measures in zip(searches, rows, strict=True):
         one.fresh = False
         objective = [_scaled(row, problem.sign / problem.scales[0], 0.0) for row in measures[0]]
-        one.functions = [Function(tuple(objective if problem.sign > 0.0 else objective[:1]))]
+        one.functions = [Function(tuple(objective))]
         for k, limit in enumerate(problem.limits):
             factor = (1.0 if limit.relation == "=" else problem.side(k)) / problem.scales[1 + k]
             scaled = tuple(_scaled(row, factor, limit.value) for row in measures[1 + k])
-            if factor < 0.0 or limit.relation == "=":  # a peak that is to stay large is no set of conditions
-                scaled = (max(scaled, key=lambda row: abs(row.value) if factor > 0.0 else -row.value),)
             one.functions.append(Function(scaled, limit.relation == "="))
         if not all(np.isfinite(row.gradient).all() for function in one.functions for row in function.rows):
             one.reason = "designs beside it are infeasible"
@@ -219,7 +223,7 @@ def _step(one: Search) -> tuple[Array, float]:
         solved = _quadratic_programme(one.hessian, one.functions, lower, upper, one.penalty) or solved
         step, one.multipliers = solved
     promised = _merit(one, 0.0 * step) - _merit(one, step) - 0.5 * float(step @ one.hessian @ step)
-    one.tiny = one.tiny + 1 if promised <= TINY else 0
+    one.tiny = one.tiny + 1 if promised <= one.hidden else 0
     if (promised <= 0.0 or one.tiny > MOST_TINY) and one.restarts and one.kkt and one.kkt.residual > CONVERGED:
         one.restarts, one.tiny, one.hessian, one.old = one.restarts - 1, 0, np.eye(len(one.point)), None
         return _step(one)  # curvatures that were learned far away may be too large here
@@ -235,8 +239,9 @@ def _judge(
     length, promised = float(np.abs(step[0]).max()), step[1]
     pair = np.array([one.values, values])
     merits = problem.objective(pair) + one.penalty * problem.violation(pair)
-    # Reductions that rounding may hide count as promised (Conn, Gould, Toint, Trust-Region Methods (2000), 17.4).
-    ratio = float((merits[0] - merits[1] + TINY) / (promised + TINY)) if np.isfinite(values).all() else -1.0
+    # Reductions that errors may hide count as promised (Conn, Gould, Toint, Trust-Region Methods (2000), 17.4).
+    hidden = one.hidden
+    ratio = float((merits[0] - merits[1] + hidden) / (promised + hidden)) if np.isfinite(values).all() else -1.0
     one.blocked = why
     if ratio > 1e-4:
         one.old = one.point, one.functions
@@ -298,9 +303,11 @@ def _quadratic_programme(
     step[free] = np.array(found["x"]).ravel()[:size]
     if not np.isfinite(step).all() or not np.isfinite(multipliers).all():
         return None
-    step = np.clip(step, lower, upper)
-    for bound in (lower, upper):  # an interior point comes near to a bound and does not reach it
-        step = np.where(np.abs(step - bound) < AT_BOUND, bound, step)
+    step, forces = np.clip(step, lower, upper), np.zeros(len(lower))
+    forces[free] = np.abs(np.array(found["lam_x"]).ravel()[:size])
+    for bound in (lower, upper):  # an interior point comes near to a bound that holds it, and does not reach it
+        near = np.maximum(AT_BOUND, np.minimum(NEAR_BOUND, HOLDS * forces))
+        step = np.where(np.abs(step - bound) < near, bound, step)
     own: list[list[float]] = [[] for _ in functions]
     for (k, sign), multiplier in zip(which, multipliers, strict=True):
         if sign > 0.0:

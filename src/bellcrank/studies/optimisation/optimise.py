@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -18,8 +19,9 @@ from bellcrank.files.access import Trust
 from bellcrank.scene.given_scene import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.columns import varies
-from bellcrank.studies.executors import MOST_THREADS
+from bellcrank.studies.executors import choose_executor
 from bellcrank.studies.optimisation.gradients import Gradients
+from bellcrank.studies.optimisation.kept_designs import KeptDesigns
 from bellcrank.studies.optimisation.local_search import (
     CONVERGED,
     KEPT,
@@ -47,12 +49,19 @@ def optimise(
     maximise: str | None = None,
     limits: Sequence[str] | None = None,
     size: bool | None = None,
+    fastest: bool | None = None,
     start: Mapping[str, Any] | None = None,
     samples: int | None = None,
     starts: int | None = None,
     seed: int | None = None,
+    tolerances: Mapping[str, Any] | None = None,
+    robust: str | None = None,
+    folder: str | Path | None = None,
+    restart: bool = False,
     overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int], object] | None = None,
     trust: Trust = (),
 ) -> Optimum:
@@ -70,18 +79,31 @@ def optimise(
         variables: Bounds (lower, upper) by parameter of the scene or dotted path, whatever `sweep` can vary; numbers
             in SI units, or texts such as "1 deg". Standard sizes are {"sizes": [0.3, 0.31]}, or {"lower": 0.3,
             "upper": 0.4, "step": "5 mm"}. None: as the scene says under `optimise`.
-        minimise: The measure to be made small, one of those of `sweep`, such as "lock.time".
+        minimise: The measure to be made small, one of those of `sweep`, such as "lock.time", or a formula of measures:
+            "go.duration + 0.008 * elbow.peak_torque".
         maximise: The measure to be made large, instead.
-        limits: Conditions on measures that the design is to keep: "lock.crank <= 120 deg", with <=, >= or =.
+        limits: Conditions on measures, or formulas of them, that the design is to keep: "lock.crank <= 120 deg", with
+            <=, >= or =.
         size: Whether designs are sized over the motions of the configuration, as by `sweep(size=True)`, instead of
             simulated; by default as the scene says, else False.
+        fastest: Whether the fastest motions along the paths of the configuration's motions are found, as by
+            `sweep(fastest=True)`, instead; by default as the scene says, else False.
         start: Values by the names of `variables`, a design from which a local search begins too. The values of the
             scene are another start where they are within the bounds.
         samples: The number of Sobol points, by default 256; a power of two is best.
         starts: The number of local searches from Sobol points, by default 8.
         seed: Of the sample, by default 0. The same seed gives the same result, with any number of threads.
+        tolerances: Distributions of deviations, by what is varied or another number of the scene, such as
+            {"crank_length": "uniform(-1 mm, 1 mm)"}. Each design is then judged at deviations of its values.
+        robust: How: "worst" (by default), over the design and the ends of the tolerances, or "mean + K sd" such as
+            "mean + 3 sd", over a sample; to the worse side of each measure.
+        folder: A folder in which the designs that were run are kept under "checkpoints". A search that was killed and
+            is started again with the same arguments takes them as they are, and has the same result.
+        restart: Set what is kept there aside.
         overrides: Changes of the scene beforehand, by dotted path.
-        threads: How many threads run designs; by default as many as the machine has processors.
+        threads: How many threads run designs; by default as many as the machine has processors, and one in each worker.
+        workers: Run designs in so many processes of a Dask cluster on this machine; the result is the same.
+        scheduler: Or on the workers of this Dask scheduler, such as "tcp://10.0.0.1:8786".
         progress: Called with the number of designs that were run.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
@@ -101,16 +123,34 @@ def optimise(
     scene = given_scene(scene, overrides, trust)
     if progress is not None:
         arguments.function("progress", progress)
-    asked = Request(variables, minimise, maximise, limits, size, start, samples, starts, seed)
-    if threads is not None:
-        threads = arguments.whole("threads", threads, least=1, most=MOST_THREADS)
-    problem, asked, begin = plan_search(scene, asked, threads, progress)
+    asked = Request(
+        variables,
+        minimise,
+        maximise,
+        limits,
+        size,
+        start,
+        samples,
+        starts,
+        seed,
+        tolerances=tolerances,
+        robust=robust,
+        fastest=fastest,
+    )
+    executor = choose_executor(threads, workers, scheduler)
+    problem, asked, begin = plan_search(scene, asked, executor, progress)
     if len(asked.objectives) > 1:
         raise InputError(
             f"optimise {scene.name}: expected one measure to minimise or to maximise, found {asked.several}; "
             "bellcrank.pareto_front finds the designs between them"
         )
-    return run_search(problem, asked, begin)
+    restart = arguments.flag("restart", restart)
+    with contextlib.ExitStack() as stack:
+        if folder is not None:
+            kept = KeptDesigns(arguments.path("folder", folder, "the path of a folder"), restart=restart)
+            problem.keep_in(stack.enter_context(kept))
+        stack.enter_context(executor)
+        return run_search(problem, asked, begin)
 
 
 def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> Optimum:
@@ -301,7 +341,7 @@ def _result(
         blocked=best.blocked,
         basins=_basins(problem, alike),
         searches=len(alike),
-        exact=gradients.exact,
+        exact=gradients.exact_measures,
         samples=asked.samples or 0,
         seed=asked.seed or 0,
         history=tuple(history),

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.files.atomic_write import writing
 from bellcrank.files.csv_files import csv_text
-from bellcrank.files.json_files import write_json
+from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.robot_file_entries import without_robot_file
 from bellcrank.scene.scene import Scene, load_scene
@@ -23,6 +23,8 @@ from bellcrank.scene.source_mapping import plain
 from bellcrank.sizing.selection.written_config import check_target, moved
 from bellcrank.studies.optimisation.local_search import ACTIVE, AT_BOUND, CONVERGED, KEPT, Kkt
 from bellcrank.studies.optimisation.optimum_tables import designs_figure, designs_table, rows_of, text_table
+from bellcrank.studies.optimisation.robustness import CHECKED, Robustness
+from bellcrank.studies.sizing_axes import override
 from bellcrank.studies.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
@@ -44,8 +46,10 @@ class Basin:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Optimum:
+class Optimum(WithJson, WithCsv):
     """The result of `optimise`.
+
+    `to_csv` writes every design that was run: variables, objective, measures of limits, and why it is infeasible.
 
     Attributes:
         problem: What was looked for, with every design that was run.
@@ -94,7 +98,7 @@ class Optimum:
 
     @property
     def objective(self) -> float:
-        """The objective of the best design, SI units: the exact value, as `sweep` has it."""
+        """The objective of the best design, SI units: exact, as `sweep` has it; with tolerances, as judged."""
         return float(self.found[0])
 
     @property
@@ -189,6 +193,8 @@ class Optimum:
     def notes(self) -> tuple[Note, ...]:
         """What to know about the result, what matters most first."""
         problem, said = self.problem, list(self.problem.notes)
+        if problem.robustness is not None:
+            said += self._robustness_notes(problem.robustness)
         if not self.complete:
             said.append(Note("the search was interrupted: the best design so far is no optimum", "changes"))
         for k, (limit, beyond) in enumerate(zip(problem.limits, problem.excess(self.found[None])[0], strict=True)):
@@ -212,12 +218,35 @@ class Optimum:
             more = f"{len(self.basins)} local optima were found" if len(self.basins) != 1 else "no other was found"
             said.append(Note(f"it is a local optimum; {more}, and it is not proved that there is no better one"))
         if isinstance(problem.runner, SizingRunner):
-            columns = problem.runner.run(problem.numbers(self.point[None]))
+            columns = problem.as_designed(self.point)
             if columns.statuses[columns.status[0]] == "fail":
                 said.append(
                     Note(f"the best design exceeds a rating that is no limit here: {columns.reasons[0]}", "changes")
                 )
         return ranked(said)
+
+    def _robustness_notes(self, robust: Robustness) -> list[Note]:
+        """How the design is judged, what it is without deviations, and what other deviations say."""
+        problem, (designed, other) = self.problem, self._beside
+        found = ", ".join(problem.measure_of(k, value) for k, value in enumerate(other.tolist()))
+        said = [Note(robust.sentence)]
+        if not np.isfinite(other).all():
+            return [*said, Note(f"one of {CHECKED} other deviations within the tolerances cannot be run", "changes")]
+        own = zip(problem.measures, designed.tolist(), strict=True)
+        listed = ", ".join(f"{name} {value:.6g} {problem.unit_of(k)}".rstrip() for k, (name, value) in enumerate(own))
+        said.append(Note(f"without deviations: {listed}; at {CHECKED} other deviations: {found}"))
+        beyond = problem.excess(other[None])[0]
+        for k, limit in enumerate(problem.limits):
+            if self.keeps_limits and beyond[k] > KEPT:
+                text = f"{problem.measure_of(1 + k, float(other[1 + k]))} at {CHECKED} other deviations"
+                said.append(Note(f"the limit {limit} is not kept everywhere within the tolerances: {text}", "changes"))
+        return said
+
+    @cached_property
+    def _beside(self) -> tuple[Array, Array]:
+        """The measures (1 + limits,) without deviations, and those at other deviations than it was judged by."""
+        columns = self.problem.as_designed(self.point)
+        return self.problem.of_columns(columns)[0], self.problem.checked(self.point)
 
     def _size_notes(self, combinations: Combinations) -> list[Note]:
         if combinations.proved:
@@ -242,7 +271,10 @@ class Optimum:
         """The scene with the best design. Raises InputError where the scene has no such values."""
         values = zip(self.problem.variables, self.values.values(), strict=True)
         try:
-            return self.problem.scene.with_overrides({one.axis.path: one.axis.value(number) for one, number in values})
+            scene = self.problem.scene
+            return scene.with_overrides(
+                dict(override(scene, one.axis.path, one.axis.value(number)) for one, number in values)
+            )
         except InputError as error:
             raise InputError(f"the best design cannot be written as a scene: {error}") from None
 
@@ -297,6 +329,19 @@ class Optimum:
         """
         return text_table(self)
 
+    def _robust_dict(self) -> dict[str, Any] | None:
+        if (robust := self.problem.robustness) is None:
+            return None
+        names = self.problem.measures
+        designed, other = (dict(zip(names, values.tolist(), strict=True)) for values in self._beside)
+        return {
+            "rule": robust.rule,
+            "tolerances": {path: str(one) for path, one in robust.tolerances.items()},
+            "deviations": len(robust.deviations),
+            "without_deviations": designed,
+            "at_other_deviations": other,
+        }
+
     def as_dict(self) -> dict[str, Any]:
         """The result as data for JSON.
 
@@ -323,6 +368,7 @@ class Optimum:
                 {"name": name, "unit": unit, "before": known(before), "best": known(best), "remark": remark}
                 for name, unit, before, best, remark in rows_of(self)
             ],
+            "robust": self._robust_dict(),
             "at_bounds": self.at_bounds,
             "active_limits": list(self.active_limits),
             "multipliers": self.multipliers,
@@ -338,53 +384,14 @@ class Optimum:
             "notes": [note.to_dict() for note in self.notes],
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, pathlib, tempfile
-            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
-            >>> best.to_json(pathlib.Path(tempfile.mkdtemp()) / "optimum.json").name
-            'optimum.json'
-        """
-        return write_json(arguments.path("path", path, "the path of a file"), self.as_dict(), indent=2)
-
-    def to_csv(self, path: str | Path) -> Path:
-        """Write every design that was run as CSV: variables, objective, measures of limits, and why it is infeasible.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path. The header names units; cells of infeasible designs are empty.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, pathlib, tempfile
-            >>> best = bc.optimise("four_bar", {"crank_length": (1.2, 1.24)}, minimise="lock.time", samples=16)
-            >>> best.to_csv(pathlib.Path(tempfile.mkdtemp()) / "designs.csv").read_text().split(",")[0]
-            'crank_length [m]'
-        """
-        target = arguments.path("path", path, "the path of a file")
-        write_text(target, csv_text(designs_table(self)))
-        return target
+    def _csv_text(self) -> str:
+        return csv_text(designs_table(self))
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the best objective over the designs that were run, and the objective of all designs over each variable.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
 
         Returns:
             A matplotlib figure.
@@ -398,10 +405,7 @@ class Optimum:
             >>> len(best.plot().axes)
             2
         """
-        from bellcrank.plot_style import DPI, save_figure
+        from bellcrank.plot_style import write_figure
 
-        figure = designs_figure(self)
-        if path is not None:
-            with writing(arguments.path("path", path, "the path of a picture")) as temporary:
-                save_figure(figure, temporary, "png", dpi=DPI)
-        return figure
+        target = arguments.picture(path)
+        return write_figure(designs_figure(self), target)

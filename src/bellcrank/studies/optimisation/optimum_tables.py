@@ -39,7 +39,7 @@ def rows_of(result: Optimum) -> list[tuple[str, str, float, float, str]]:
 
 def _row(result: Optimum, k: int, remark: str) -> tuple[str, str, float, float, str]:
     return (
-        result.problem.measures[k],
+        result.problem.label(k),
         result.problem.unit_of(k),
         float(result.before[k]),
         float(result.found[k]),
@@ -58,7 +58,7 @@ def text_table(result: Optimum) -> str:
     lines = [f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells]
     for name, value in result.multipliers.items():
         change = f"{value:.4g} {result.problem.unit_of(0)}".rstrip()
-        lines.append(f"per SI unit of '{name}', {problem.measure} changes by {change}")
+        lines.append(f"per SI unit of '{name}', {problem.label(0)} changes by {change}")
     count = f"{problem.count} designs were run"
     count += f", {result.samples} of them Sobol points (seed {result.seed})" if result.samples else ""
     residual = f"residual {result.residual:.1e}; " if len(problem.sizes) < len(problem.variables) else ""
@@ -79,7 +79,7 @@ def designs_table(result: Optimum) -> list[Sequence[object]]:
     """A header with units, and a row for each design: variables, measures, and why it is infeasible."""
     problem = result.problem
     head: list[object] = [one.axis.label for one in problem.variables]
-    head += [f"{name} [{result.problem.unit_of(k) or '1'}]" for k, name in enumerate(problem.measures)]
+    head += [f"{problem.label(k)} [{problem.unit_of(k) or '1'}]" for k in range(len(problem.measures))]
     rows: list[Sequence[object]] = [[*head, "reason"]]
     numbers, values = problem.numbers(np.concatenate(problem.points)), np.concatenate(problem.values)
     between = ~_at_sizes(result)
@@ -106,7 +106,7 @@ def designs_figure(result: Optimum) -> Figure:
     values, points = np.concatenate(problem.values), np.concatenate(problem.points)
     numbers, kept = problem.numbers(points), (problem.violation(values) <= KEPT) & _at_sizes(result)
     other = "breaks a limit, or between sizes" if problem.sizes else "breaks a limit"
-    label = f"{problem.measure} [{result.problem.unit_of(0) or '1'}]"
+    label = f"{problem.label(0)} [{result.problem.unit_of(0) or '1'}]"
     axes[0].step(*zip(*result.history, strict=True), where="post", color=colour(0))
     axes[0].set(xlabel="designs", ylabel=literal(label), title="best so far" if kept.any() else "nearest so far")
     for k, (axis, variable) in enumerate(zip(axes[1:], shown, strict=True)):

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import check_folder, write_text, writing
+from bellcrank.files.atomic_write import check_folder
 from bellcrank.files.csv_files import csv_text
-from bellcrank.files.json_files import write_json
+from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
 from bellcrank.studies.optimisation.local_search import KEPT
 from bellcrank.studies.optimisation.optimum import Optimum
@@ -41,8 +41,10 @@ def dominates(known: Array, values: Array) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, eq=False)
-class ParetoFront:
+class ParetoFront(WithJson, WithCsv):
     """The result of `pareto_front`.
+
+    `to_csv` writes a row for each design: its number, objectives, variables and status.
 
     Attributes:
         problem: What was looked for, with every design that was run.
@@ -115,7 +117,7 @@ class ParetoFront:
         return ranked(said)
 
     def _units(self) -> list[str]:
-        units = self.problem.runner.units
+        units = self.problem.units
         return ["" if units[name] == "1" else units[name] for name in self.objectives]
 
     def _rows(self) -> list[Sequence[object]]:
@@ -182,49 +184,8 @@ class ParetoFront:
             "notes": [note.to_dict() for note in self.notes],
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> front = bc.pareto_front("four_bar", {"crank_length": {"sizes": [1.22, 1.24]}},
-            ...                         minimise="lock.time", maximise="lock.crank")
-            >>> front.to_json("front.json").name
-            'front.json'
-        """
-        return write_json(arguments.path("path", path, "the path of a file"), self.as_dict(), indent=2)
-
-    def to_csv(self, path: str | Path) -> Path:
-        """Write a row for each design as CSV: its number, objectives, variables and status, with units in the header.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc
-            >>> front = bc.pareto_front("four_bar", {"crank_length": {"sizes": [1.22, 1.24]}},
-            ...                         minimise="lock.time", maximise="lock.crank")
-            >>> len(front.to_csv("front.csv").read_text().splitlines())
-            3
-        """
-        target = arguments.path("path", path, "the path of a file")
-        write_text(target, csv_text(self._rows()))
-        return target
+    def _csv_text(self) -> str:
+        return csv_text(self._rows())
 
     def write_configs(self, folder: str | Path) -> tuple[Path, ...]:
         """Write each design as a scene file: design_1.yaml, design_2.yaml, and so on, in the order of `designs`.
@@ -264,7 +225,7 @@ class ParetoFront:
         """Draw the front over the other designs that were run and keep the limits: each objective over the first.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
 
         Returns:
             A matplotlib figure.
@@ -279,13 +240,10 @@ class ParetoFront:
             >>> len(front.plot().axes)
             1
         """
-        from bellcrank.plot_style import DPI, save_figure
+        from bellcrank.plot_style import write_figure
 
-        figure = self._figure()
-        if path is not None:
-            with writing(arguments.path("path", path, "the path of a picture")) as temporary:
-                save_figure(figure, temporary, "png", dpi=DPI)
-        return figure
+        target = arguments.picture(path)
+        return write_figure(self._figure(), target)
 
     def _figure(self) -> Figure:
         from bellcrank.plot_style import colour, literal, new_figure, plain

@@ -11,18 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.config.fields import parse_number
+from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.axes import MOST_VALUES, Axis, read_axis
+from bellcrank.studies.design_runner import DesignRunner
 from bellcrank.studies.design_space import MOST_DIMENSIONS
+from bellcrank.studies.distributions import Distribution, is_distribution, read_distribution
 from bellcrank.studies.exceedance import Limit, parse_limit
+from bellcrank.studies.execution import Executor
+from bellcrank.studies.fastest_runner import FastestRunner
 from bellcrank.studies.local_execution import LocalExecutor
-from bellcrank.studies.optimisation.problem import DesignProblem, Variable
+from bellcrank.studies.optimisation.formulas import Formulas
+from bellcrank.studies.optimisation.problem import DesignProblem, Variable, written_value
+from bellcrank.studies.optimisation.robustness import Robustness, read_rule
 from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combinations
 from bellcrank.studies.samples import LARGEST_SEED
-from bellcrank.studies.sweep_plan import SweepPlan, plan_sizings, plan_sweep
+from bellcrank.studies.sizing_axes import present_value
+from bellcrank.studies.sweep_plan import Planner, SweepPlan, planner
 
 Array = NDArray[np.float64]
 SAMPLES, STARTS, POINTS = 256, 8, 9
@@ -46,6 +55,9 @@ class Request:
     starts: int | None = None
     seed: int | None = None
     points: int | None = None
+    tolerances: Mapping[str, Any] | None = None
+    robust: str | None = None
+    fastest: bool | None = None
     objectives: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -55,7 +67,7 @@ class Request:
 
 
 def plan_search(
-    scene: Scene, asked: Request, threads: int | None = None, progress: Callable[[int], object] | None = None
+    scene: Scene, asked: Request, executor: Executor | None = None, progress: Callable[[int], object] | None = None
 ) -> tuple[DesignProblem, Request, Array | None]:
     """What is looked for, the request with all its numbers, and the start (variables,) that is asked for.
 
@@ -64,23 +76,44 @@ def plan_search(
     """
     asked = _completed(scene, asked)
     assert asked.variables is not None and asked.limits is not None
-    plan = _planned(scene, asked.variables, sized=bool(asked.size))
-    units = plan.runner.units
+    tolerances = {path: one for path, one in (asked.tolerances or {}).items() if path not in asked.variables}
+    plan_designs = planner(f"optimise {scene.name}", size=bool(asked.size), fastest=bool(asked.fastest))
+    plan = _planned(scene, {**asked.variables, **_around(scene, tolerances)}, plan_designs)
+    runner = plan.runner
+    units, axes = Formulas(runner.units), runner.axes  # type: ignore[attr-defined]
     for measure, sign in asked.objectives:
-        if measure not in units:
-            name = "minimise" if sign > 0.0 else "maximise"
-            raise InputError(f"optimise {scene.name}: {name}: {unknown_name('measure', measure, units)}")
+        try:
+            assert units[measure]
+        except InputError as error:
+            raise InputError(f"optimise {scene.name}: {'minimise' if sign > 0.0 else 'maximise'}: {error}") from None
     limits = tuple(parse_limit(text, units, "limit", kept=True) for text in asked.limits)
+    if isinstance(runner, FastestRunner):
+        named = {name for name, _ in asked.objectives} | {limit.measure for limit in limits}
+        runner = runner.only({leaf for name in named for leaf in units.leaves_of(name)})
     problem = DesignProblem(
-        plan.runner.scene,  # type: ignore[attr-defined]
-        plan.runner,
-        tuple(_variable(scene, axis, asked.variables[axis.path]) for axis in plan.runner.axes),  # type: ignore[attr-defined]
+        runner.scene,  # type: ignore[attr-defined]
+        runner,
+        tuple(_variable(scene, axis, asked.variables[axis.path]) for axis in axes[: len(asked.variables)]),
         *asked.objectives[0],
         (*limits, *(level(name, sign, sign * FAR, units) for name, sign in asked.objectives[1:])),
-        LocalExecutor(threads).threads,
+        executor or LocalExecutor(),
         progress or (lambda done: None),
         plan.notes,
+        _robustness(scene, asked, runner, axes),
+        units.known,
     )
+    if problem.robustness is not None and (equal := [limit for limit in limits if limit.relation == "="]):
+        raise InputError(
+            f"optimise {scene.name}: the limit {equal[0]} cannot be kept at each deviation within the tolerances; "
+            "write <= or >="
+        )
+    if problem.robustness is not None and len(asked.objectives) > 1:
+        pairs = {*zip(problem.measures, problem.sides.tolist(), strict=True)}
+        if twice := {name for name, side in pairs if (name, -side) in pairs}:
+            raise InputError(
+                f"pareto_front {scene.name}: with tolerances, '{min(twice)}' cannot be both an objective and limited "
+                "from the other side"
+            )
     if (whole := [one.axis.path for one in problem.variables if one.axis.whole and one.sizes]) and (
         all_combinations(problem) is None
     ):
@@ -102,7 +135,14 @@ def _completed(scene: Scene, asked: Request) -> Request:
     objectives = _objectives(where, asked, entry)
     limits = entry.limits if asked.limits is None else asked.limits
     limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
-    size = entry.size if asked.size is None else arguments.flag("size", asked.size)
+    size, fastest = (
+        getattr(entry, name) if getattr(asked, name) is None else arguments.flag(name, getattr(asked, name))
+        for name in ("size", "fastest")
+    )
+    if asked.fastest and asked.size is None:
+        size = False  # what is asked for replaces what the scene says
+    if asked.size and asked.fastest is None:
+        fastest = False
     counts: dict[str, Any] = {}
     for name, default, least, most in (
         ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
@@ -111,7 +151,79 @@ def _completed(scene: Scene, asked: Request) -> Request:
         given, written = getattr(asked, name), getattr(entry, name)
         number = given if given is not None else default if written is None else written
         counts[name] = arguments.whole(name, number, least=least, most=most)
-    return replace(asked, variables=variables, objectives=objectives, limits=limits, size=bool(size), **counts)
+    given = {"variables": variables, "objectives": objectives, "limits": limits} | counts
+    given |= {"size": bool(size), "fastest": bool(fastest)}
+    return replace(asked, **given, **_tolerances(where, asked, entry))
+
+
+def _tolerances(where: str, asked: Request, entry: OptimiseEntry) -> dict[str, Any]:
+    """The tolerances as texts or distributions, and the rule. Raises InputError."""
+    tolerances = dict(entry.tolerances) if asked.tolerances is None else asked.tolerances
+    what = "a mapping of paths to distributions of their deviations, such as 'uniform(-1 mm, 1 mm)'"
+    tolerances = arguments.mapping("tolerances", tolerances, what)
+    robust = entry.robust
+    if asked.robust is not None:
+        robust = arguments.text("robust", asked.robust, "'worst' or 'mean + K sd'")
+    if not tolerances:
+        if robust is not None:
+            raise InputError(f"{where}: robust {format_value(robust)} needs tolerances, of which there are none")
+        return {"tolerances": {}, "robust": None}
+    for path, one in tolerances.items():
+        if not (isinstance(one, Distribution) or (isinstance(one, str) and is_distribution(one))):
+            raise InputError(
+                f"{where}: tolerances: '{path}': expected a distribution, such as 'uniform(-1 mm, 1 mm)', found "
+                f"{arguments.found(one)}"
+            )
+    try:
+        read_rule("worst" if robust is None else robust)
+    except ValueError as error:
+        raise InputError(f"{where}: robust: {error}") from None
+    return {"tolerances": tolerances, "robust": "worst" if robust is None else robust}
+
+
+def _around(scene: Scene, tolerances: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The scene's own values of what has a tolerance and is not varied. Raises InputError."""
+    found: dict[str, list[Any]] = {}
+    for path in tolerances:
+        name = path.removeprefix("parameters.").removesuffix(".value")
+        known = scene.parameters.get(name)
+        value = known.value if known is not None else written_value(scene.data, path)
+        if value is None and is_of_the_tree(path):
+            value = present_value(scene, path)
+        if value is None:
+            raise InputError(
+                f"optimise {scene.name}: tolerances: '{path}' is neither varied nor a number of the scene; write its "
+                "value in the scene"
+            )
+        found[path] = [value, value]
+    return found
+
+
+def _robustness(scene: Scene, asked: Request, runner: DesignRunner, axes: Sequence[Axis]) -> Robustness | None:
+    """How designs are judged. Raises InputError."""
+    if not asked.tolerances:
+        return None
+    where, found = f"optimise {scene.name}: tolerances", dict[str, Distribution]()
+    names = [axis.path for axis in axes]
+    for path, one in asked.tolerances.items():
+        axis = axes[names.index(path)]
+        if not axis.numeric or axis.whole:
+            raise InputError(f"{where}: '{path}' takes no deviations: it is no real number")
+        try:
+            if axis.suffix:  # in the unit in which the values are written
+                read = read_distribution(one, None) if isinstance(one, str) else one
+                factor = parse_number(f"1 {read.unit}", axis.suffix) if read.unit else math.nan
+                if not math.isfinite(factor):
+                    raise InputError(f"expected a unit behind the numbers, such as {axis.suffix}, found {one}")
+                read = Distribution(read.family, tuple(factor * number for number in read.numbers), axis.suffix)
+            else:
+                read = read_distribution(one if isinstance(one, str) else str(one), axis.unit)
+        except (InputError, ValueError) as error:
+            raise InputError(f"{where}: '{path}': {error}") from None
+        found[path] = read
+    extra = range(len(asked.variables or {}), len(axes))
+    others = [float(axes[k].numbers[0]) for k in extra]
+    return Robustness(read_rule(asked.robust), found, tuple(names.index(path) for path in found), np.array(others))
 
 
 def level(measure: str, sign: float, value: float, units: Mapping[str, str]) -> Limit:
@@ -140,7 +252,7 @@ def _objectives(where: str, asked: Request, entry: OptimiseEntry) -> tuple[tuple
     return tuple(found)
 
 
-def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPlan:
+def _planned(scene: Scene, given: Mapping[str, Any], plan_designs: Planner) -> SweepPlan:
     """What runs designs within bounds. Raises InputError."""
     if len(given) > MOST_DIMENSIONS:
         raise InputError(f"optimise {scene.name}: expected at most {MOST_DIMENSIONS} variables, found {len(given)}")
@@ -161,7 +273,7 @@ def _planned(scene: Scene, given: Mapping[str, Any], *, sized: bool) -> SweepPla
                 f"{{'sizes': [0.3, 0.31]}}, found {arguments.found(bounds)}"
             )
     try:
-        return (plan_sizings if sized else plan_sweep)(scene, pairs, None)
+        return plan_designs(scene, pairs, None, None)
     except InputError as error:
         raise _renamed(error, f"optimise {scene.name}:") from None
 

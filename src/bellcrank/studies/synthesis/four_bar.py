@@ -1,4 +1,4 @@
-"""Crank-rockers in closed form, many at once: coupler angles, their derivatives, and the fit of a path.
+"""Four-bars in closed form, many at once: crank-rockers by their transmission angles, and how coupler and rocker turn.
 
 The crank is the unit of length. A shape is (log q, μ₁, ρ): the ratio q of rocker to coupler, the least transmission
 angle μ₁, and the share ρ of what is left up to π − τ by which the largest one, μ₂, is above it. With F(μ) = √(1 + q² −
@@ -7,26 +7,22 @@ distance from the crank's end to the rocker's pivot is b F(μ), and runs from a 
 τ ≤ μ₁ and 0 < ρ ≤ 1 assembles at each crank angle, has a crank that turns fully (Grashof), never leaves its branch, and
 keeps its transmission angle within τ and π − τ.
 
-With the crank's angle θ from the line of the pivots, the coupler's angle φ follows from the loop
-e^{iθ} + b e^{iφ} = a + d e^{iψ} (J. M. McCarthy, G. S. Soh, Geometric Design of Linkages, 2nd ed. (2011), chapter 2).
-The coupler point z + w e^{iθ} + c e^{iφ} is linear in the complex numbers z (pivot), w (crank: its length and the
-direction of the ground) and c (coupler point); they are found by linear least squares inside (variable projection:
-G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432), with the derivatives of L. Kaufman, BIT 15 (1975)
-49-57.
+With the crank's angle θ from the line of the pivots, the angles φ of the coupler and ψ of the rocker follow from the
+loop e^{iθ} + b e^{iφ} = a + d e^{iψ} (J. M. McCarthy, G. S. Soh, Geometric Design of Linkages, 2nd ed. (2011),
+chapter 2).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from bellcrank.studies.synthesis.kinds import SAFE, Array, Complex, Turning, longest_of
+
 WIDEST_RATIO = 20.0  # of rocker to coupler, either way
 LEAST_SHARE = 0.01  # of ρ: below it the crank is very short
-SAFE = 1e-3  # rad: of τ at least, so that no linkage is flat
 
 
 class Lengths(NamedTuple):
@@ -36,26 +32,45 @@ class Lengths(NamedTuple):
     slopes: Array
 
 
-class Fit(NamedTuple):
-    """The best placement of n linkages: residuals (n, points), their derivatives (n, points, angle and shape), z, w and
-    c (n, 3), and an orthonormal basis (n, points, 3) of what placements reach.
-    """
+@dataclass(frozen=True)
+class CrankRockers:
+    """Crank-rockers with a least transmission angle τ, rad."""
 
-    residual: Complex
-    slopes: Complex
-    placement: Complex
-    basis: Complex
+    transmission: float
+    effort = 1
+    branches = (1.0, -1.0)
 
-    def outside(self, slopes: Complex) -> Complex:
-        """The part of derivatives (n, points, k) that no placement takes up."""
-        return np.asarray(slopes - self.basis @ (self.basis.conj().transpose(0, 2, 1) @ slopes))
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """See `Kind`."""
+        least = max(self.transmission, SAFE)
+        width = np.log(WIDEST_RATIO)
+        return np.array([-width, least, LEAST_SHARE]), np.array([width, np.pi - least - SAFE, 1.0])
 
+    def shapes(self, drawn: Array) -> Array:
+        """See `Kind`: small shares are drawn more often."""
+        lower, upper = self.bounds
+        return np.asarray(lower + (upper - lower) * np.c_[drawn[:, 0], drawn[:, 1], drawn[:, 2] ** 2])
 
-def shape_bounds(transmission: float) -> tuple[Array, Array]:
-    """Lower and upper bounds (3,) of a shape, for a least transmission angle τ, rad."""
-    least = max(transmission, SAFE)
-    width = np.log(WIDEST_RATIO)
-    return np.array([-width, least, LEAST_SHARE]), np.array([width, np.pi - least - SAFE, 1.0])
+    def ratios(self, shape: Array, branch: Array) -> Array:
+        """Ground, coupler and rocker (n, 3) over the crank."""
+        return lengths_of(shape, self.transmission).links
+
+    def turning(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> Turning:
+        """See `CouplerKind`."""
+        lengths = lengths_of(shape, self.transmission)
+        on_coupler = coupler_directions(lengths.links, crank, branch)
+        if not slopes:
+            return Turning(on_coupler, longest_of(lengths.links))
+        on_crank = np.exp(1j * crank)
+        ground, coupler, rocker = (column[:, None] for column in lengths.links.T)
+        on_rocker = (on_crank + coupler * on_coupler - ground) / rocker
+        between = on_coupler / on_rocker
+        lever = coupler * between.imag
+        by_angle = -(on_crank / on_rocker).imag / lever
+        by_links = np.stack([-on_rocker.real, between.real, -np.ones_like(lever)], axis=2) / lever[:, :, None]
+        by_shape = np.einsum("npl,nls->nps", by_links, lengths.slopes)
+        return Turning(on_coupler, longest_of(lengths.links), by_angle, by_shape)
 
 
 def lengths_of(shape: Array, transmission: float) -> Lengths:
@@ -88,39 +103,15 @@ def coupler_directions(links: Array, crank: Array, branch: Array) -> Complex:
     return found
 
 
-def fit(shape: Array, crank: Array, branch: Array, points: Complex, transmission: float, slopes: bool = True) -> Fit:
-    """Place linkages of shapes (n, 3) with crank angles (n, points) so that their coupler points are nearest to points.
-
-    The derivatives are those by each point's own crank angle (column 0) and by the shape (columns 1 to 3).
+def rocker_angles(links: Array, crank: Array, branch: Array) -> tuple[Array, Array, Array]:
+    """The rocker's angles ψ (n, points) at crank angles (n, points), and their derivatives by the crank's angle
+    (n, points) and by ground, coupler and rocker (n, points, 3).
     """
-    lengths = lengths_of(shape, transmission)
-    on_crank, on_coupler = np.exp(1j * crank), coupler_directions(lengths.links, crank, branch)
-    basis = np.stack([np.ones_like(on_crank), on_crank, on_coupler], axis=2)
-    orthonormal, triangle = np.linalg.qr(basis)
-    coordinates = np.einsum("npk,p->nk", orthonormal.conj(), points)
-    residual = points - np.einsum("npk,nk->np", orthonormal, coordinates)
-    diagonal = np.abs(np.einsum("nkk->nk", triangle))
-    flat = diagonal.min(axis=1) < 1e-9 * diagonal.max(axis=1)  # the coupler moves as the crank does: no placement
-    triangle[flat] = np.eye(3)
-    placement = np.linalg.solve(triangle, coordinates[:, :, None])[:, :, 0]
-    residual[flat] = np.inf
-    if not slopes:
-        return Fit(residual, np.zeros((0, 0, 0), dtype=complex), placement, orthonormal)
-    ground, coupler, rocker = (column[:, None] for column in lengths.links.T)
-    on_rocker = (on_crank + coupler * on_coupler - ground) / rocker
-    between = on_coupler / on_rocker
-    lever = coupler * between.imag
-    by_angle = -(on_crank / on_rocker).imag / lever
-    by_links = np.stack([-on_rocker.real, between.real, -np.ones_like(lever)], axis=2) / lever[:, :, None]
-    by_shape = np.einsum("npl,nls->nps", by_links, lengths.slopes)
-    turn, swing = (1j * placement[:, 1:2] * on_crank), (1j * placement[:, 2:] * on_coupler)
-    moved = np.concatenate([(turn + swing * by_angle)[:, :, None], swing[:, :, None] * by_shape], axis=2)
-    moved[flat] = 0.0
-    return Fit(residual, -moved, placement, orthonormal)
-
-
-def coupler_curve(links: Array, branch: float, placement: Complex, crank: Array) -> Complex:
-    """The coupler points (n,) of one linkage at crank angles (n,), rad from the line of the pivots."""
-    on_coupler = coupler_directions(links[None], crank[None], np.array([branch]))[0]
-    found: Complex = placement[0] + placement[1] * np.exp(1j * crank) + placement[2] * on_coupler
-    return found
+    ground, coupler, rocker = (column[:, None] for column in links.T)
+    with np.errstate(invalid="ignore"):  # NaN of linkages that do not assemble
+        on_crank, on_coupler = np.exp(1j * crank), coupler_directions(links, crank, branch)
+        on_rocker = (on_crank + coupler * on_coupler - ground) / rocker
+        between = on_rocker / on_coupler
+        lever = rocker * between.imag
+        by_links = np.stack([on_coupler.real, -np.ones_like(lever), between.real], axis=2) / lever[:, :, None]
+        return np.angle(on_rocker), (on_crank / on_coupler).imag / lever, by_links

@@ -1,4 +1,4 @@
-"""Searches for crank-rockers whose coupler passes given points: Sobol points, then Levenberg-Marquardt of many at once.
+"""Searches for linkages that do a task: Sobol points, then Levenberg-Marquardt of many at once.
 
 Where crank angles are prescribed, the unknowns are the shape and the first angle. Otherwise they are the shape and
 every angle; guesses of the angles grow with the length of the path and have two harmonics.
@@ -13,20 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.studies.samples import Sample
-from bellcrank.studies.synthesis.four_bar import Array, Complex, fit, shape_bounds
+from bellcrank.studies.synthesis.kinds import Array, Complex
+from bellcrank.studies.synthesis.placement import Numbers, PointTask, Task
 
 SAMPLES = 2**12  # Sobol points on each branch
 KEPT = {True: (128, 24), False: (256, 64)}  # linkages, by prescribed angles, that are improved first, and to the end
 STEPS = (25, 200)
 BLOCK = 4096  # linkages of one array
-FIRST_DAMPING, LARGEST_DAMPING = 1e-2, 1e12
-EXACT = 1e-26  # of the squared size of the points
+LEAST_DAMPING, FIRST_DAMPING, LARGEST_DAMPING = 1e-13, 1e-2, 1e12  # the least keeps singular equations solvable
+EXACT = 1e-26  # of the squared size of the targets
 STILL = 1e-12  # a relative decrease below which a search has ended, if it comes again and again
 
 
 @dataclass(eq=False)
 class Candidates:
-    """Linkages: shapes (n, 3), crank angles (n, points), branches (n,), and errors (n,): sums of squared distances."""
+    """Linkages: shapes (n, 3), crank angles (n, points), branches (n,), and errors (n,): sums of squared residuals."""
 
     shape: Array
     crank: Array
@@ -50,21 +51,20 @@ class Candidates:
 
 
 def search(
-    points: Complex,
+    task: Task,
     timing: Array | None,
-    transmission: float,
     seed: int,
     progress: Callable[[float], object] = lambda share: None,
 ) -> Candidates:
-    """The best linkages for points (n,) in order, of about unit size; `timing` (n,) are crank angles, rad, whose first
-    one is free.
+    """The best linkages for targets of about unit size; `timing` (n,) are crank angles, rad, whose first one is free.
+    Where it is None, the targets are points, passed in order.
     """
     timed = timing is not None
-    found = _guesses(points, timing, transmission, seed)
+    found = _guesses(task, timing, seed)
     for k, (count, steps) in enumerate(zip(KEPT[timed], STEPS, strict=True)):
-        found = found.best(count)
+        found = found.best(count * task.kind.effort)
         progress(0.2 + 0.3 * k)
-        found = improve(found, points, transmission, timed, steps)
+        found = improve(found, task, timed, steps * task.kind.effort)
     progress(1.0)
     found.error[~_in_order(found)] = np.inf
     return found.best(len(found))
@@ -77,25 +77,25 @@ def _in_order(found: Candidates) -> NDArray[np.bool_]:
     return np.asarray(one_way & (np.abs(found.crank[:, -1] - found.crank[:, 0]) < 2.0 * np.pi))
 
 
-def _guesses(points: Complex, timing: Array | None, transmission: float, seed: int) -> Candidates:
+def _guesses(task: Task, timing: Array | None, seed: int) -> Candidates:
     """Linkages at Sobol points."""
-    lower, upper = shape_bounds(transmission)
-    count = SAMPLES
-    drawn = Sample(count, "sobol", seed).points(0, count, 4 if timing is not None else 9)
-    shape = lower + (upper - lower) * np.c_[drawn[:, 0], drawn[:, 1], drawn[:, 2] ** 2]
-    start = 2.0 * np.pi * drawn[:, 3:4]
+    count, size = SAMPLES * task.kind.effort, len(task.kind.bounds[0])
+    drawn = Sample(count, "sobol", seed).points(0, count, size + (1 if timing is not None else 6))
+    shape = task.kind.shapes(drawn[:, :size])
+    start = 2.0 * np.pi * drawn[:, size : size + 1]
     if timing is not None:
         cranks = [start + timing]
     else:
-        guess = _angles(points, drawn[:, 4:])
+        assert isinstance(task, PointTask)
+        guess = _angles(task.points, drawn[:, size + 1 :])
         cranks = [start + guess, start - guess]
     parts = []
     for crank in cranks:
-        for branch in (1.0, -1.0):
+        for branch in task.kind.branches:
             sides = np.full(count, branch)
             error = np.concatenate(
                 [
-                    _errors(fit(shape[part], crank[part], sides[part], points, transmission, slopes=False).residual)
+                    _errors(task.fit(shape[part], crank[part], sides[part], slopes=False).residual)
                     for part in _blocks(count)
                 ]
             )
@@ -120,22 +120,22 @@ def _angles(points: Complex, drawn: Array) -> Array:
     return np.asarray(grown - grown[:, :1])
 
 
-def improve(found: Candidates, points: Complex, transmission: float, timed: bool, steps: int) -> Candidates:
+def improve(found: Candidates, task: Task, timed: bool, steps: int) -> Candidates:
     """Levenberg-Marquardt of all linkages, with the bounds of the shape."""
-    lower, upper = shape_bounds(transmission)
-    count, size = found.crank.shape
+    lower, upper = task.kind.bounds
+    (count, size), many = found.crank.shape, len(lower)
     damping, still = np.full(count, FIRST_DAMPING), np.zeros(count, dtype=int)
     shape, crank = found.shape.copy(), found.crank.copy()
     error, live = found.error.copy(), np.ones(count, dtype=bool)
-    scale = float((np.abs(points - points.mean()) ** 2).sum())
+    scale = float((np.abs(task.targets - task.targets.mean()) ** 2).sum())
     for _ in range(steps):
         rows = np.flatnonzero(live)
         if not len(rows):
             break
-        normal, gradient = _normal_equations(shape[rows], crank[rows], found.branch[rows], points, transmission, timed)
+        normal, gradient = _normal_equations(shape[rows], crank[rows], found.branch[rows], task, timed)
         own = shape[rows]
-        held = ((own <= lower) & (gradient[:, -3:] > 0.0)) | ((own >= upper) & (gradient[:, -3:] < 0.0))
-        fixed = np.concatenate([np.zeros((len(rows), normal.shape[1] - 3), dtype=bool), held], axis=1)
+        held = ((own <= lower) & (gradient[:, -many:] > 0.0)) | ((own >= upper) & (gradient[:, -many:] < 0.0))
+        fixed = np.concatenate([np.zeros((len(rows), normal.shape[1] - many), dtype=bool), held], axis=1)
         gradient = np.where(fixed, 0.0, gradient)
         normal = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, normal)
         diagonal = np.einsum("nkk->nk", normal)
@@ -144,28 +144,26 @@ def improve(found: Candidates, points: Complex, transmission: float, timed: bool
         )
         np.einsum("nkk->nk", normal)[...] += shift
         step = -np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
-        new_shape = np.clip(own + step[:, -3:], lower, upper)
+        new_shape = np.clip(own + step[:, -many:], lower, upper)
         new_crank = crank[rows] + (step[:, :1] if timed else step[:, :size])
-        trial = _errors(fit(new_shape, new_crank, found.branch[rows], points, transmission, slopes=False).residual)
+        trial = _errors(task.fit(new_shape, new_crank, found.branch[rows], slopes=False).residual)
         good = trial < error[rows]
         gain = 1.0 - trial[good] / error[rows[good]]
         still[rows[good]] = np.where(gain < STILL, still[rows[good]] + 1, 0)
         shape[rows[good]], crank[rows[good]], error[rows[good]] = new_shape[good], new_crank[good], trial[good]
-        damping[rows] *= np.where(good, 0.1, 4.0)
+        damping[rows] = np.maximum(damping[rows] * np.where(good, 0.1, 4.0), LEAST_DAMPING)
         live[rows] = (damping[rows] < LARGEST_DAMPING) & (error[rows] > EXACT * scale) & (still[rows] < 3)
     return Candidates(shape, crank, found.branch, error)
 
 
-def _normal_equations(
-    shape: Array, crank: Array, branch: Array, points: Complex, transmission: float, timed: bool
-) -> tuple[Array, Array]:
+def _normal_equations(shape: Array, crank: Array, branch: Array, task: Task, timed: bool) -> tuple[Array, Array]:
     """JᵀJ (n, k, k) and Jᵀr (n, k); the unknowns are the first angle, or all angles, and the shape."""
-    found = fit(shape, crank, branch, points, transmission)
+    found = task.fit(shape, crank, branch)
     slopes = found.slopes
     if not timed:
         count, size, _ = slopes.shape
-        own = np.zeros((count, size, size), dtype=complex)
-        np.einsum("npp->np", own)[...] = slopes[:, :, 0]
+        own = np.zeros((count, size, crank.shape[1]), dtype=complex)
+        own[:, np.arange(size), np.arange(size) % crank.shape[1]] = slopes[:, :, 0]
         slopes = np.concatenate([own, slopes[:, :, 1:]], axis=2)
     slopes = found.outside(slopes)
     real = np.concatenate([slopes.real, slopes.imag], axis=1)
@@ -174,7 +172,7 @@ def _normal_equations(
     return transposed @ real, (transposed @ residual[:, :, None])[:, :, 0]
 
 
-def _errors(residual: Complex) -> Array:
+def _errors(residual: Numbers) -> Array:
     with np.errstate(all="ignore"):
         found = (residual.real**2 + residual.imag**2).sum(axis=1)
     return np.where(np.isfinite(found), found, np.inf)

@@ -12,32 +12,41 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
-from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.errors import BellcrankError, InputError
+from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import write_table
-from bellcrank.files.json_files import write_json
+from bellcrank.files.results import WithJson
 from bellcrank.notes import Note, ranked
-from bellcrank.studies.synthesis.linkage import FourBar, file_texts
+from bellcrank.studies.synthesis.linkage import WORDS, FourBar, SliderCrank
+from bellcrank.studies.synthesis.scene_files import file_texts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 SAME = 1e-6  # relative: linkages with errors this near are counted together
+LONG = 0.99  # of the longest link over its limit
 NEAR_LIMIT = 1e-4  # rad
+# Lengths, angles and coordinates of a linkage with its coupler point, and numbers of a function's linkage with offsets.
+NUMBERS, FUNCTION_NUMBERS = {"four_bar": 9, "slider_crank": 8, "stephenson": 15, "watt": 15}, 5
 LOW = math.radians(20.0)  # a transmission angle below which friction may jam a linkage
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Synthesis:
+class Synthesis(WithJson):
     """The result of `synthesise`: linkages that are local optima, the best first.
 
     Attributes:
-        points: The given points (n, 2), m.
+        linkage: "four_bar", "slider_crank", "stephenson" or "watt".
+        points: The given points (n, 2), m; None where a function is given.
         timing: The prescribed crank angles (n,), rad, of which the first is free; None where the order alone counts.
         least_transmission_angle: The limit, rad; 0 for none.
         seed: Of the search.
         linkages: The linkages.
+        directions: The coupler's given angles (n,) at the points, rad; None where they are free.
+        function: The given crank angles, rad, and outputs (n, 2), rad of a rocker or m of a slider; None where points
+            are given.
+        longest: The limit of the links' lengths, m; None for none.
 
     Example:
         >>> import bellcrank as bc, numpy as np
@@ -47,50 +56,138 @@ class Synthesis:
         (True, True)
     """
 
-    points: Array
+    points: Array | None
     timing: Array | None
     least_transmission_angle: float
     seed: int
-    linkages: tuple[FourBar, ...] = field(repr=False)
+    linkages: tuple[FourBar | SliderCrank, ...] = field(repr=False)
+    directions: Array | None = None
+    function: Array | None = None
+    linkage: str = "four_bar"
+    longest: float | None = None
 
     def __repr__(self) -> str:
-        return f"Synthesis(four_bar through {len(self.points)} points: RMS distance {self.rms_distance:.3g} m)"
+        if self.function is not None:
+            return f"Synthesis({self.linkage} with {self.count} outputs: RMS difference {self._shown})"
+        return f"Synthesis({self.linkage} through {self.count} points: RMS distance {self._shown})"
 
     @property
-    def best(self) -> FourBar:
-        """The linkage whose coupler point passes nearest."""
+    def _shown(self) -> str:
+        """The RMS of the best linkage with its unit."""
+        if self.function is None:
+            return f"{self.rms_distance:.3g} m"
+        rms = self.rms_output
+        return f"{rms:.3g} m" if self.linkage == "slider_crank" else f"{math.degrees(rms):.3g} deg"
+
+    @property
+    def best(self) -> FourBar | SliderCrank:
+        """The linkage with the least error."""
         return self.linkages[0]
 
     @property
+    def count(self) -> int:
+        """How many points or pairs are given."""
+        return len(self.best.angles)
+
+    @property
     def error(self) -> float:
-        """The sum of the squared distances of the best linkage's coupler point from the points, m²."""
+        """The sum of the squared distances of the best linkage's coupler point from the points, m²; or of the squared
+        differences of its output from a function, rad² or m².
+        """
         return self.best.error
 
     @property
     def rms_distance(self) -> float:
-        """The root of the mean squared distance, m."""
-        return math.sqrt(self.error / len(self.points))
+        """The root of the mean squared distance, m. A function has none: a BellcrankError."""
+        if self.function is not None:
+            raise BellcrankError("rms_distance: a function is given, and no points; use rms_output")
+        return math.sqrt(self.error / self.count)
+
+    @property
+    def rms_output(self) -> float:
+        """The root of the mean squared difference of the output from the function, rad of a rocker or m of a slider.
+        Points have none: a BellcrankError.
+        """
+        if self.function is None:
+            raise BellcrankError("rms_output: points are given, and no function; use rms_distance")
+        return math.sqrt(self.error / self.count)
+
+    @property
+    def rms_turn(self) -> float:
+        """The root of the mean squared angle of the best linkage's coupler from given directions, rad; 0 without."""
+        return math.sqrt(self.best.turn_error / self.count)
+
+    def output_differences(self, linkage: int = 0) -> Array:
+        """The differences of the output from the function.
+
+        Args:
+            linkage: The place among `linkages`, from 0, the best one.
+
+        Returns:
+            (n,) at the given crank angles, rad of a rocker or m of a slider.
+
+        Raises:
+            BellcrankError: Points are given, and no function.
+            InputError: There is no such linkage.
+
+        Example:
+            >>> import bellcrank as bc, numpy as np
+            >>> crank = np.linspace(0.0, 1.0, 9)
+            >>> found = bc.synthesise("four_bar", function=np.c_[crank, 0.5 * crank**2])
+            >>> bool(abs(found.output_differences()).max() < 1e-3)
+            True
+        """
+        if self.function is None:
+            raise BellcrankError("output_differences: points are given, and no function")
+        chosen = self.linkages[arguments.whole("linkage", linkage, least=0, most=len(self.linkages) - 1)]
+        found = chosen.output(chosen.angles) - self.function[:, 1]
+        return found if self.linkage == "slider_crank" else np.angle(np.exp(1j * found))
 
     @cached_property
     def notes(self) -> tuple[Note, ...]:
         """What to know about the result, what matters most first."""
+        function = self.function is not None
+        kind = "crank-rockers" if self.linkage == "four_bar" and not function else f"{WORDS[self.linkage]}s"
+        where = "the given range of the crank" if self.best.of_range else "a turn"
         found = [
             Note(
-                "each linkage is a local optimum among crank-rockers, and assembles at each of 720 angles of a turn; "
+                f"each linkage is a local optimum among {kind}, and assembles at each of 720 angles of {where}; "
                 "that there is no better one is not proved"
             )
         ]
+        if not self.best.turns_fully:
+            found.append(
+                Note("the crank does not turn fully: assembly and transmission are those of its given range", "changes")
+            )
         same = sum(abs(each.error - self.error) <= SAME * max(self.error, 1e-24) for each in self.linkages)
-        if same > 1:
-            found.append(Note(f"{same} linkages pass the points equally well; cognates trace the same curve"))
+        if same > 1 and self.directions is None and not function:
+            cognates = "; cognates trace the same curve" if self.linkage == "four_bar" else ""
+            found.append(Note(f"{same} linkages pass the points equally well{cognates}"))
         angle, shown = self.best.transmission_angle, f"{math.degrees(self.best.transmission_angle):.4g} deg"
         if self.least_transmission_angle and angle <= self.least_transmission_angle + NEAR_LIMIT:
             found.append(Note(f"the transmission angle is at its limit, {shown}: a smaller one may bring it nearer"))
         elif angle < LOW:
             found.append(Note(f"the transmission angle falls to {shown}: the linkage may jam there", "changes"))
-        if len(self.points) < (6 if self.timing is not None else 10):
-            found.append(Note("so few points do not determine a linkage: many others pass them too"))
+        if self.longest is not None:
+            links = max(self.best.crank, *map(abs, self.best.lengths.values()))
+            if links > LONG * self.longest:
+                limited = f"the longest link, {links:.4g} m, is at its limit, where the search stops"
+                found.append(Note(f"{limited}: a larger one may bring it nearer"))
+        if self.count < self._determined:
+            given = "have that function" if function else "pass them"
+            found.append(Note(f"so few points do not determine a linkage: many others {given} too"))
         return ranked(found)
+
+    @property
+    def _determined(self) -> int:
+        """So many points or pairs have more numbers than a linkage: a function's pair has one; a point has 2, with its
+        direction 3, less one where its crank angle is free. The first crank angle and the coupler's turn are numbers of
+        a linkage too.
+        """
+        if self.function is not None:
+            return FUNCTION_NUMBERS + 1
+        more = (self.timing is not None) + (self.directions is not None)
+        return (NUMBERS[self.linkage] + more) // (1 + more) + 1
 
     def table(self) -> str:
         """Format the linkages as text.
@@ -104,14 +201,27 @@ class Synthesis:
             >>> print(found.table().split("  ")[0])
             RMS distance [m]
         """
-        head = ("RMS distance [m]", "ground [m]", "crank [m]", "coupler [m]", "rocker [m]", "transmission [deg]")
-        lines = ["  ".join(head)]
-        for each in self.linkages:
-            rms = math.sqrt(each.error / len(self.points))
-            numbers = (rms, each.ground, each.crank, each.coupler, each.rocker, math.degrees(each.transmission_angle))
-            cells = (f"{value:.6g}" for value in numbers)
-            lines.append("  ".join(f"{cell:>{len(title)}}" for cell, title in zip(cells, head, strict=True)))
+        lines: list[str] = []
+        for k, each in enumerate(self.linkages):
+            row = self._errors(k) | {f"{name} [m]": value for name, value in each.lengths.items()}
+            row["transmission [deg]"] = math.degrees(each.transmission_angle)
+            if not lines:
+                lines.append("  ".join(row))
+            cells = (f"{value:.6g}" for value in row.values())
+            lines.append("  ".join(f"{cell:>{len(title)}}" for cell, title in zip(cells, row, strict=True)))
         return "\n".join(lines)
+
+    def _errors(self, place: int) -> dict[str, float]:
+        """How far a linkage is off, by the titles of columns."""
+        linkage = self.linkages[place]
+        rms = math.sqrt(linkage.error / self.count)
+        if self.function is None:
+            turn = math.degrees(math.sqrt(linkage.turn_error / self.count))
+            return {"RMS distance [m]": rms} | ({} if self.directions is None else {"RMS turn [deg]": turn})
+        largest = float(np.abs(self.output_differences(place)).max())
+        if self.linkage == "slider_crank":
+            return {"RMS difference [m]": rms, "largest [m]": largest}
+        return {"RMS difference [deg]": math.degrees(rms), "largest [deg]": math.degrees(largest)}
 
     def as_dict(self) -> dict[str, Any]:
         """The result as data for JSON.
@@ -126,42 +236,29 @@ class Synthesis:
             'four_bar'
         """
         return {
-            "linkage": "four_bar",
+            "linkage": self.linkage,
             "status": "local optima were found",
-            "points": self.points.tolist(),
+            "points": None if self.points is None else self.points.tolist(),
+            "function": None if self.function is None else self.function.tolist(),
             "timing": None if self.timing is None else self.timing.tolist(),
+            "directions": None if self.directions is None else self.directions.tolist(),
+            "rms_turn": None if self.directions is None else self.rms_turn,
             "least_transmission_angle": self.least_transmission_angle,
+            "longest": self.longest,
             "seed": self.seed,
-            "rms_distance": self.rms_distance,
+            "rms_distance": None if self.points is None else self.rms_distance,
+            "rms_output": None if self.function is None else self.rms_output,
             "linkages": [
-                {**vars(each), "angles": each.angles.tolist(), "transmission_angle": each.transmission_angle}
+                vars(each)
+                | {"angles": each.angles.tolist(), "transmission_angle": each.transmission_angle}
+                | {"turns_fully": each.turns_fully}
                 for each in self.linkages
             ],
             "notes": [note.to_dict() for note in self.notes],
         }
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write `as_dict` as JSON.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, pathlib, tempfile
-            >>> found = bc.synthesise("four_bar", [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "72 deg")
-            >>> found.to_json(pathlib.Path(tempfile.mkdtemp()) / "four_bar.json").name
-            'four_bar.json'
-        """
-        return write_json(arguments.path("path", path, "the path of a file"), self.as_dict(), indent=2)
-
     def to_csv(self, path: str | Path) -> Path:
-        """Write the given points, the crank angles of the best linkage and its coupler points as CSV.
+        """Write what is given, the crank angles of the best linkage, and its coupler points or outputs as CSV.
 
         Args:
             path: The file, which is replaced in one step.
@@ -178,15 +275,26 @@ class Synthesis:
             >>> found.to_csv(pathlib.Path(tempfile.mkdtemp()) / "points.csv").read_text().split(",")[0]
             'x [m]'
         """
-        labels = [("x", "m"), ("y", "m"), ("crank", "rad"), ("coupler point x", "m"), ("coupler point y", "m")]
-        rows = np.c_[self.points, self.best.angles, self.best.path(self.best.angles)]
+        best = self.best
+        if self.function is not None:
+            name, unit = ("slider", "m") if self.linkage == "slider_crank" else ("rocker", "rad")
+            labels = [("crank", "rad"), (name, unit), (f"{name} of the linkage", unit), ("crank from ground", "rad")]
+            rows = np.c_[self.function, self.function[:, 1] + self.output_differences(), best.angles]
+        else:
+            assert self.points is not None
+            labels = [("x", "m"), ("y", "m"), ("crank", "rad"), ("coupler point x", "m"), ("coupler point y", "m")]
+            rows = np.c_[self.points, best.angles, best.path(best.angles)]
+        if self.directions is not None:
+            labels += [("coupler", "rad"), ("coupler turn", "rad")]
+            rows = np.c_[rows, self.directions, np.unwrap(np.angle(best.directions(best.angles)))]
         return write_table(arguments.path("path", path, "the path of a file"), labels, [rows])
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the best linkage at the first point, the curve of its coupler point, and the given points.
+        """Draw the best linkage at the first point, the curve of its coupler point, and the given points; or its output
+        and the function.
 
         Args:
-            path: Where the picture is written (PNG); None: nowhere.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
 
         Returns:
             A matplotlib figure.
@@ -200,32 +308,22 @@ class Synthesis:
             >>> len(found.plot().axes)
             1
         """
-        from bellcrank.plot_style import DPI, colour, new_figure, plain, save_figure
+        from bellcrank.plot_style import new_figure, write_figure
+        from bellcrank.studies.synthesis.linkage_plot import draw_function, draw_linkage
 
-        best = self.best
-        figure = new_figure(6.0, 5.0)
-        axis = figure.subplots()
-        axis.plot(*best.path(np.linspace(0.0, 2.0 * np.pi, 361)).T, color=colour(0), label="coupler point")
-        end, tip = best.postures(best.angles[:1])
-        pivot = complex(*best.pivot)
-        corner = best.path(best.angles[:1]) @ np.array([1.0, 1.0j])
-        bars = np.array([pivot, end[0], tip[0], pivot + best.ground * np.exp(1j * best.ground_angle)])
-        axis.plot(bars.real, bars.imag, "o-", color="0.4", label="crank, coupler, rocker")
-        plate = np.array([end[0], corner[0], tip[0]])
-        axis.fill(plate.real, plate.imag, color="0.4", alpha=0.15)
-        axis.plot(*self.points.T, "x", color=colour(1), label="given points")
-        axis.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-        axis.legend(fontsize="small")
-        plain(axis)
-        if path is not None:
-            with writing(arguments.path("path", path, "the path of a picture")) as temporary:
-                save_figure(figure, temporary, "png", dpi=DPI)
-        return figure
+        figure = new_figure(10.0 if self.function is not None else 6.0, 5.0)
+        axes = figure.subplots(1, 1 if self.function is None else 2, squeeze=False)[0]
+        draw_linkage(axes[0], self.best, self.points)
+        if self.function is not None:
+            draw_function(axes[1], self.best, self.function, self.output_differences())
+        return write_figure(figure, path)
 
     def write_config(self, path: str | Path) -> Path:
         """Write the best linkage as a scene file, with its URDF beside it.
 
-        In the scene the crank turns once, from the first point on; its output `point` is the coupler point.
+        In the scene the crank turns once, from the first point on; its output `point` is the coupler point. Where a
+        function is given, the crank turns through its range, and the positions of the joints `crank` and `rocker` or
+        `slider` are input and output of the function (an angle up to whole turns).
 
         Args:
             path: The YAML file, which is replaced in one step; the URDF has the same name.
@@ -247,11 +345,13 @@ class Synthesis:
         if target.suffix.lower() not in (".yaml", ".yml"):
             raise InputError(f"{target}: expected the name of a YAML file, such as {target.stem or 'linkage'}.yaml")
         beside = target.with_suffix(".urdf")
-        count = len(self.points)
-        remark = (
-            f"By bellcrank synthesise: a coupler point through {count} points, within {self.rms_distance:.6g} m (RMS)"
-        )
-        urdf, scene = file_texts(self.best, "Synthesised four-bar", beside.name, remark)
+        if self.function is None:
+            done = f"a coupler point through {self.count} points, within {self.rms_distance:.6g} m (RMS)"
+        else:
+            done = f"a function of the crank's angle by {self.count} pairs, within {self._shown} (RMS)"
+        name = f"Synthesised {WORDS[self.linkage]}"
+        remark = f"By bellcrank synthesise: {done}"
+        urdf, scene = file_texts(self.best, self.function is not None, name, beside.name, remark)
         write_text(beside, urdf)
         write_text(target, scene)
         return target

@@ -19,6 +19,29 @@ function bodyUpdater(THREE, film, bodies) {
 }
 const rotation = [0, 0, 0, 1];
 
+/** Translucent copies of the bodies for another motion, with a layer; they rest where it has ended. */
+function addGhost(THREE, world, layers, bodies, kind) {
+  const look = new THREE.MeshLambertMaterial({ color: 0x8592a0, transparent: true, opacity: 0.3, depthWrite: false });
+  const copies = bodies.map((body) => body.clone());
+  const [group, inner] = [new THREE.Group(), new THREE.Group().add(...copies)];
+  inner.traverse((part) => { if (part.isMesh) part.material = look; });
+  inner.visible = false;
+  world.add(group.add(inner));
+  layers.push({ group: kind === "run" ? "Run of the file" : "Posture", name: "translucent", colour: "#8592a0", objects: [group], on: true });
+  let other = null;
+  return {
+    copies,
+    get visible() { return inner.visible && group.visible; },
+    show(motion) {
+      other = motion;
+      inner.visible = motion !== null;
+    },
+    move(frame, part, t) {
+      if (other) bodyUpdater(THREE, other, copies)(...interpolationAt(other.time, t));
+    },
+  };
+}
+
 /** Three numbers at column `at` of rows of `width` numbers, a fraction `part` of the way from a frame to the next. */
 function interpolate3(values, width, at, frame, part) {
   const a = frame * width + at;

@@ -4,20 +4,39 @@ const FLAT = 1e-6;  // of the size: smaller changes are not magnified
 const OUTSTANDING = 30;  // ratio of peak to usual magnitude above which the scale is logarithmic
 const NOISE = 1e-9;  // of a chart's largest value: rounding errors, displayed as 0
 
-/** A path from point to point, with subpixel accuracy, interrupted at every gap, however short. */
+/**
+ * A path from point to point, with subpixel accuracy, interrupted at every gap, however short. Of points in one column of
+ * pixels it has the first, lowest, highest and last: thousands of them would take seconds to draw.
+ */
 function straightPath(u, number, first, last) {
   const [times, values] = [u.data[0], u.data[number]];
   const stroke = new Path2D();
-  let broken = true;
+  let column = null;  // of pixels: its number, and the points [x, y] that it keeps
+  const finish = () => {
+    if (!column) return;
+    const { from, low, high, to } = column;
+    const points = low[0] < high[0] ? [low, high, to] : [high, low, to];
+    for (const point of points) if (point !== from) stroke.lineTo(...point);
+  };
   for (let i = Math.max(first - 1, 0); i <= Math.min(last + 1, times.length - 1); i++) {
     if (values[i] === null || values[i] === undefined) {
-      broken = true;
+      finish();
+      column = null;
       continue;
     }
-    const [x, y] = [u.valToPos(times[i], "x", true), u.valToPos(values[i], "y", true)];
-    if (broken) stroke.moveTo(x, y); else stroke.lineTo(x, y);
-    broken = false;
+    const point = [u.valToPos(times[i], "x", true), u.valToPos(values[i], "y", true)];
+    const at = Math.floor(point[0]);
+    if (column?.at === at) {
+      if (point[1] < column.low[1]) column.low = point;
+      if (point[1] > column.high[1]) column.high = point;
+      column.to = point;
+      continue;
+    }
+    finish();
+    if (column) stroke.lineTo(...point); else stroke.moveTo(...point);
+    column = { at, from: point, low: point, high: point, to: point };
   }
+  finish();
   const clip = new Path2D();
   clip.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
   return { stroke, fill: null, clip, band: null, gaps: null, flags: 1 };

@@ -43,6 +43,7 @@ function makeLivePanel(panel, state, kind) {
 /** A row with a name, a slider, a field and a unit. */
 function makeField(state, setting, k) {
   const label = `${setting.group}: ${setting.name}`;
+  if (setting.options) return makeChooser(state, setting, k, label);
   const [low, high] = setting.range;
   const slider = element("input", { type: "range", min: low, max: high, step: "any", ariaLabel: `${label}, slider` });
   const field = element("input", { type: "text", inputMode: "decimal", autocomplete: "off", spellcheck: false, ariaLabel: label, className: "number" });
@@ -79,6 +80,23 @@ function makeField(state, setting, k) {
   };
 }
 
+/** A row with a name and the options of a choice. */
+function makeChooser(state, setting, k, label) {
+  const chooser = element("select", { ariaLabel: label, onchange: () => state.set([[k, Number(chooser.value)]]) },
+    ...setting.options.map((textContent, value) => element("option", { textContent, value })));
+  const row = element("label", { className: "field chooser" }, element("span", { className: "name", textContent: setting.name, title: setting.name }), chooser);
+  return {
+    setting, row,
+    show() {
+      chooser.value = String(state.values[k]);
+      row.classList.toggle("changed", state.values[k] !== state.stored[k]);
+    },
+  };
+}
+
+/** A value with its unit, or the option that is chosen. */
+const shownValue = ({ options, unit }, value) => options?.[value] ?? `${formatNumber(value, 6)} ${unit || "×"}`;
+
 /** The bar of changed values, each with its old one; it is printed too. */
 function makeChangeBar(state, kind) {
   const chips = element("span", { className: "chips" });
@@ -96,7 +114,7 @@ function makeChangeBar(state, kind) {
       button("Copy command", "The command that gives the same answer", () => offer(commandOf(state))),
       button("Copy YAML", "The changes as a mapping of paths", () => offer(yamlOf(state)))), text);
   if (document.body.classList.contains("report")) {
-    box.append(element("p", { textContent: `The verdict, tables and pictures of this report are those of the ${kind.noun}, without these changes.` }));
+    box.append(element("p", { textContent: `The verdict, tables and pictures of this report are those of the ${byId("study") ? "study" : kind.noun}, without these changes.` }));
   }
   for (const kind of ["keydown", "click"]) box.addEventListener(kind, (event) => event.stopPropagation());
   return {
@@ -107,9 +125,9 @@ function makeChangeBar(state, kind) {
       undo.disabled = !state.canUndo;
       text.hidden = true;
       chips.replaceChildren(...changed.map((k) => {
-        const { group, name, unit } = live.settings[k];
+        const { group, name, options } = live.settings[k];
         const chip = element("button", { title: "Set back", onclick: () => state.set([[k, stored[k]]]) });
-        chip.append(`${group}, ${name}: `, element("del", { textContent: formatNumber(stored[k], 6) }), ` ${formatNumber(values[k], 6)} ${unit || "×"}`);
+        chip.append(`${group}, ${name}: `, element("del", { textContent: options?.[stored[k]] ?? formatNumber(stored[k], 6) }), ` ${shownValue(live.settings[k], values[k])}`);
         return chip;
       }));
     },

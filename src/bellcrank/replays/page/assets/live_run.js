@@ -13,7 +13,7 @@ const REFUSALS = [  // page_engine.cpp
 const liveKind = {
   noun: "run",
   agrees: 1e-4,  // of the largest values: a run amplifies rounding, and is known to 1e-3 of a range (Settings.error_bound)
-  open: /^parameters|^velocities/,
+  open: /^parameters|^velocities|^Baumgarte's gains( in place of none)?$/,
   load: loadRun,
   agreement: runAgreement,
   about: ({ agreement, live }, agrees) => (agrees
@@ -145,7 +145,7 @@ function makeRunSummary(state) {
   const body = element("tbody", {});
   const table = element("table", {}, element("thead", {}, element("tr", {}, ...["", "unchanged", "now"].map((textContent) => element("th", { textContent })))), body);
   const gains = live.gains === "projection" ? " With α = β = 0 states are projected onto the constraints; other gains are Baumgarte's, without projection." : "";
-  const about = element("p", { className: "about", textContent: `While values are changed, dashed lines are the run of the file, and arrows of forces are hidden.${gains} ${live.fixed.join(". ")}` });
+  const about = element("p", { className: "about", textContent: `While values are changed, dashed lines and the translucent bodies are the run of the file, and arrows of forces are hidden.${gains} ${live.fixed.join(". ")}` });
   return {
     above: [verdict], below: [element("div", { className: "wide" }, table), about],
     show() {

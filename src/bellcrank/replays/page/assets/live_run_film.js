@@ -11,6 +11,7 @@ function makeRunFollower({ film, player, view, set, panel, charts, state }) {
     charts: charts.charts.map(({ chart }) => ({ time: chart.time, columns: chart.lines.map(({ values }) => values) })),
   };
   const hidden = [];  // layers of arrows, which are those of the run of the file
+  view?.showMotion(original.motion);  // lengths that parameters set are not those of the shapes
   return () => {
     const found = state.result;
     const changed = state.changed.length > 0;
@@ -18,7 +19,10 @@ function makeRunFollower({ film, player, view, set, panel, charts, state }) {
     film.events.splice(0, film.events.length, ...(changed ? eventsOf(live, found) : original.events));
     const motion = changed ? motionOf(live, found) : original.motion;
     showArrows(changed);
-    if (view) view.showMotion(motion); else Object.assign(film, { time: motion.time });
+    if (view) {
+      view.showGhost(changed ? original.motion : null);
+      view.showMotion(motion);
+    } else Object.assign(film, { time: motion.time });
     charts.range.splice(0, 2, original.range[0], changed ? Math.max(original.range[1], found.end) : original.range[1]);
     charts.charts.forEach((drawn, k) => {
       const before = original.charts[k];
@@ -91,23 +95,11 @@ const stretchOf = ({ stretch }, { shown }) => stretch.map(([body, place]) => [bo
 function motionOf(live, found) {
   const { rows, shown, time } = found;
   const { bodies, shown: width } = live;
-  const positions = new Float32Array(3 * rows * bodies.length);
-  const quaternions = new Float32Array(4 * rows * bodies.length);
-  const { Matrix4, Quaternion } = MeshCat.THREE;
-  const [matrix, quaternion] = [new Matrix4(), new Quaternion()];
-  for (let i = 0; i < rows; i++) {
-    bodies.forEach((place, k) => {
-      const at = width * i + place;
-      const [x, y, z, a, b, c, d, e, f, g, h, j] = shown.subarray(at, at + 12);
-      positions.set([x, y, z], 3 * (i * bodies.length + k));
-      quaternion.setFromRotationMatrix(matrix.set(a, b, c, 0, d, e, f, 0, g, h, j, 0, 0, 0, 0, 1)).toArray(quaternions, 4 * (i * bodies.length + k));
-    });
-  }
   const points = (place, count) => {
     const made = new Float32Array(count * rows);
     for (let i = 0; i < rows; i++) made.set(shown.subarray(width * i + place, width * i + place + count), count * i);
     return made;
   };
-  return { time, positions, quaternions, traces: live.traces.map((place) => [{ time, points: points(place, 3) }]),
+  return { time, ...posesOf(shown, rows, width, bodies), traces: live.traces.map((place) => [{ time, points: points(place, 3) }]),
     springs: live.springs.map((place) => points(place, 6)), rods: live.rods.map((place) => points(place, 6)), stretch: stretchOf(live, found) };
 }

@@ -2,11 +2,11 @@
 
 const liveKind = {
   noun: "sizing",
-  agrees: 1e-6,  // relative: where a load reverses close to an edge of a part, RMS torques of motors are off by some 1e-7
-  open: /^payload|^speed/,  // groups of settings that are open at first
+  agrees: 1e-6,  // relative: the judge takes inertias at samples of its grid, and a page between them too
+  open: /^motor|^parameters|^payload|^speed/,  // groups of settings that are open at first
   async load(live) {
     const functions = await loadFunctions(live);
-    live.loaded = functions.motions;
+    Object.assign(live, { loaded: functions.motions, functions });
     return (values) => compute(live, functions, values);
   },
   agreement: agreementOf,
@@ -16,9 +16,17 @@ const liveKind = {
   summary: makeJudgement,
   follower: makeFollowers,
   facade: (state) => ({
-    get limits() { return state.live.uses.map(([joint, name, place]) => [state.live.joints[joint].name, name, place]); },
+    get limits() { return usesOf(state).map(([joint, name, place]) => [state.live.joints[joint].name, name, place]); },
     get result() { return { figures: [...state.result.figures], uses: [...state.result.uses], exceeded: [...state.result.exceeded] }; },
     get verdict() { return verdictOf(state); },
+    /** Set positions of joints at rest, pairs of a number of a joint and a value, and what holds them there. */
+    rest(pairs) {
+      const { set, held, poses } = state.live.posture;
+      set(pairs);
+      const { torques, uses } = held();
+      return { values: state.live.posture.values, torques: [...torques], uses: [...uses], positions: [...poses().positions] };
+    },
+    get samples() { return state.result.motions.map(({ samples }) => samples.length); },
   }),
 };
 
@@ -28,6 +36,7 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
   const copy = (time) => Float64Array.from(time);
   const original = {
     time: copy(film.time), events: [...film.events],
+    positions: film.positions, quaternions: film.quaternions, springs: film.springs.map(({ ends }) => ends), rods: film.rods.map(({ ends }) => ends),
     traces: film.traces.map(({ segments }) => segments.map((segment) => ({ ...segment, time: copy(segment.time) }))),
     arrows: film.arrows.map(({ time }) => copy(time)),
     charts: charts.charts.map(({ chart }) => ({ time: copy(chart.time), columns: chart.lines.map(({ values }) => Float64Array.from(values)) })),
@@ -37,11 +46,21 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
   };
   const planes = charts.plots.filter(({ data }) => data);
   const hidden = [];  // layers of arrows, which are those of the stored values
+  if (live.postures) {
+    live.posture = makePosture(state, live.functions, view, film);
+    byId("live-panel").querySelector(".groups").append(live.posture.box);
+  }
   return () => {
     const times = newTimes(live, state.result);
     const map = (values) => values.map(times.at);
-    film.time = map(original.time);
-    film.traces.forEach((trace, k) => { trace.segments = original.traces[k].map((segment) => ({ ...segment, time: map(segment.time) })); });
+    let moved = { ...original, stretch: [] };
+    try {
+      if (state.changed.some((k) => live.moving.includes(k))) moved = movedShapes(live, original);
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      state.tell(`the view shows the motion of the sizing, without the changes: ${error.message}`);
+    }
+    const motion = { ...moved, time: map(original.time), traces: moved.traces.map((segments) => segments.map((segment) => ({ ...segment, time: map(segment.time) }))) };
     film.arrows.forEach((arrow, k) => { arrow.time = map(original.arrows[k]); });
     const changed = state.changed.length > 0;
     document.body.classList.toggle("changed", changed);
@@ -52,15 +71,21 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
     const curves = curvesOf(live, state.result, times);
     charts.charts.forEach((drawn, k) => drawn.replace(...columnsOf(drawn.chart, curves, live, map, original.charts[k])));
     planes.forEach((plane, joint) => {
-      plane.replace(planeOf(live, state.result, curves, joint, original.xy[joint]));
+      const own = live.choices?.joints[joint];
+      const chosen = own?.planes.length ? own.planes[state.values[own.setting]] : null;
+      const points = original.xy[joint].filter((limit) => limit.points.length === 2);
+      const limits = chosen ? [...chosen.limits.map((k) => ({ name: live.choices.lines[k][0], points: Float64Array.from(live.choices.lines[k][1]) })), ...points] : original.xy[joint];
+      plane.replace(planeOf(live, state.result, curves, joint, limits));
+      if (chosen) plane.title.textContent = original.titles[joint].replace(/ratio [^ ]*$/, chosen.title.slice(chosen.title.lastIndexOf("ratio ")));
       const ratio = live.settings.findIndex(({ group, name }) => group === "gear ratio" && name === live.joints[joint].name);
       if (ratio >= 0) plane.title.textContent = original.titles[joint].replace(/ratio [^ ]*$/, `ratio ${formatNumber(state.values[ratio], 6)}`);
     });
-    player.setEnds(film.time[0], film.time.at(-1));
+    player.setEnds(motion.time[0], motion.time.at(-1));
     charts.showAll();
     const events = panel.querySelector(".events");
     events?.replaceChildren(...makeEvents(film, player).children);
-    view?.refresh();
+    if (view) view.showMotion(motion); else film.time = motion.time;
+    live.posture?.show();
     charts.follow();
     showFacts(changed);
   };
@@ -92,6 +117,34 @@ function makeFollowers({ film, player, view, set, panel, charts, state }) {
       ...names.map((name, k) => pair(name, `peak ${formatNumber(figures[k])} ${live.joints[k].torque_unit}, RMS ${formatNumber(figures[n + k])} ${live.joints[k].torque_unit}`)), ...kept);
     facts.classList.toggle("bad", good === false);
   }
+}
+
+/** What the view shows of the motions with other lengths, at the times of the film before any change of speeds. */
+function movedShapes({ motions, functions, shapes: { bodies, stretch, traces, springs, rods }, shapes_size: width }, { time, traces: drawn }) {
+  const shown = functions.view("shapes");
+  const inFilm = (t) => {
+    let k = motions.length - 1;
+    while (k > 0 && t < motions[k].start) k--;
+    const { start, begin, duration } = motions[k];
+    functions.shapesAt(functions.motions[k], begin + Math.min(Math.max(t - start, 0), duration));
+  };
+  const rows = new Float64Array(width * time.length);
+  time.forEach((t, i) => {
+    inFilm(t);
+    rows.set(shown, width * i);
+  });
+  const columns = (place, count) => Float32Array.from({ length: count * time.length }, (_, i) => rows[width * Math.floor(i / count) + place + i % count]);
+  const points = (times, place) => {
+    const found = new Float32Array(3 * times.length);
+    times.forEach((t, i) => {
+      inFilm(t);
+      found.set(shown.subarray(place, place + 3), 3 * i);
+    });
+    return found;
+  };
+  return { ...posesOf(rows, time.length, width, bodies), traces: drawn.map((segments, k) => segments.map((segment) => ({ ...segment, points: points(segment.time, traces[k]) }))),
+    springs: springs.map((place) => columns(place, 6)), rods: rods.map((place) => columns(place, 6)),
+    stretch: stretch.map(([body, place]) => [body, [...rows.subarray(place, place + 9)]]) };
 }
 
 /** The film's times after a change of speeds: of a time before, and of a time in a motion. */
@@ -141,13 +194,14 @@ function curvesOf(live, result, times) {
   return { time, columns };
 }
 
-/** Times and columns of a chart: computed ones of torques, velocities and accelerations, else those of before. */
+/** Times and columns of a chart: computed ones of torques, velocities, accelerations, and positions where lengths move them. */
 function columnsOf(chart, curves, live, map, before) {
   const [k, n] = [live.joints.length, live.all_joints.length];
-  const kind = /^joint torque|^joint force/.test(chart.title) ? 0 : /^velocity/.test(chart.title) ? 1 : /^acceleration/.test(chart.title) ? 2 : -1;
+  const kinds = [/^joint torque|^joint force/, /^velocity/, /^acceleration/, ...live.closed ? [/^position/] : []];
+  const kind = kinds.findIndex((title) => title.test(chart.title));
   if (kind < 0) return [map(before.time), before.columns];
   const names = kind === 0 ? live.joints.map(({ name }) => name) : live.all_joints;
-  const first = kind === 0 ? 0 : k + (kind - 1) * n;
+  const first = [0, k, k + n, 3 * k + 2 * n][kind];
   return [curves.time, chart.lines.map(({ name }) => curves.columns[first + names.indexOf(name)] ?? new Float64Array(curves.time.length).fill(NaN))];
 }
 

@@ -80,6 +80,9 @@ const shortList = (texts) => (texts.length > 3 ? `${texts.slice(0, 3).join(", ")
 /** The number in a field; a text with the reason where it is none that the setting accepts. */
 function readField(text, setting) {
   const value = text.trim() === "" ? NaN : Number(text.trim().replace(",", "."));
+  if (setting.options && setting.options[value] === undefined) {
+    return `${nameOf(setting)}: “${text.slice(0, 40)}” is no choice, expected a whole number from 0 to ${setting.options.length - 1}`;
+  }
   const least = setting.least ?? -MOST;
   const unit = setting.unit && ` ${setting.unit}`;
   if (!Number.isFinite(value)) return `${nameOf(setting)}: “${text.slice(0, 40)}” is not a number; ${formatNumber(setting.now, 6)}${unit} is kept`;

@@ -7,7 +7,8 @@ const plainKey = /^[A-Za-z_][\w.]*$/;
 const quoteKey = (key) => (plainKey.test(key) ? key : JSON.stringify(key));
 
 /** [path, value as YAML] of each override that the changes make; null where a change has none. */
-function overridesOf({ live, values, changed }) {
+function overridesOf({ live, values, changed: all }) {
+  const changed = all.filter((k) => !live.settings[k].options);
   if (changed.some((k) => !live.settings[k].path)) return null;
   const paths = [...new Set(changed.map((k) => live.settings[k].path))];
   return paths.map((path) => {
@@ -24,6 +25,11 @@ function overridesOf({ live, values, changed }) {
   });
 }
 
+/** The ids of the motor and gear of each joint of a selection. */
+function keptPairs({ live, values }) {
+  return Object.fromEntries((live.choices?.joints ?? []).map(({ pairs, setting }, k) => [live.joints[k].name, pairs[setting === null ? 0 : values[setting]]]));
+}
+
 const shellWord = (text) => (/^[\w@%+:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
 /** The command that gives the same answer; a text that says why there is none. */
@@ -32,8 +38,8 @@ function commandOf(state) {
   const overrides = overridesOf(state);
   if (!command || !overrides) return { error: "No command line gives these values: not everything comes from a configuration." };
   const all = [...command.overrides.map(([path, value]) => [path, JSON.stringify(value)]), ...overrides];
-  if (all.some(([path]) => /[=\n]/.test(path))) return { error: "No command line gives these values: a name contains “=” or a line break." };
-  const words = [...command.words, ...all.flatMap(([path, value]) => ["--set", `${path}=${value}`])];
+  if ([...all.map(([path]) => path), ...Object.keys(keptPairs(state))].some((path) => /[=\n]/.test(path))) return { error: "No command line gives these values: a name contains “=” or a line break." };
+  const words = [...command.words, ...Object.entries(keptPairs(state)).flatMap(([joint, pair]) => ["--keep", `${joint}=${pair}`]), ...all.flatMap(([path, value]) => ["--set", `${path}=${value}`])];
   return { text: words.map(shellWord).join(" ") };
 }
 
@@ -41,6 +47,10 @@ function commandOf(state) {
 function yamlOf(state) {
   const overrides = overridesOf(state);
   if (!overrides) return { error: "What is changed does not come from a configuration alone." };
+  if (state.live.choices) {
+    const kept = Object.entries(keptPairs(state)).map(([joint, pair]) => `  ${quoteKey(joint)}: ${/^\w[\w.+-]*$/.test(pair) ? pair : JSON.stringify(pair)}`);
+    return { text: ["keep:", ...kept, ...overrides.length ? ["overrides:"] : [], ...overrides.map(([path, value]) => `  ${quoteKey(path)}: ${value}`)].join("\n") };
+  }
   return { text: overrides.map(([path, value]) => `${quoteKey(path)}: ${value}`).join("\n") };
 }
 

@@ -7,6 +7,7 @@ function compute(live, functions, values) {
   functions.view("settings").set(values);
   const motions = functions.motions.map((motion) => {
     const factor = values[motion.speed] / live.settings[motion.speed].value;
+    if (!Number.isFinite(motion.duration / factor)) throw new RangeError(`motion '${motion.name}' would never end`);
     const along = alongMotion(functions, motion, factor);
     functions.view("most").set(along.most);
     functions.view("mean").set(along.mean);
@@ -37,22 +38,34 @@ function agreementOf(live, { figures, uses }) {
   return worst;
 }
 
+/** [number of a joint, limit, place among the uses or null] of the limits that the joints have with the chosen motors. */
+function usesOf({ live, values }) {
+  return live.uses.flatMap(([joint, name, place, listed, computed]) => {
+    if (!listed) return [[joint, name, place]];
+    const chosen = values[live.choices.joints[joint].setting];
+    return listed.includes(chosen) ? [[joint, name, computed.includes(chosen) ? place : null]] : [];
+  });
+}
+
 /** The verdict on the values: a word; whether it is good, null where that is not known; sentences; and what is not recomputed. */
-function verdictOf({ live, changed, result }) {
+function verdictOf(state) {
+  const { live, changed, result } = state;
   if (!changed.length) return { ...live.stored, open: [] };
-  const beyond = live.uses.filter(([, , place]) => place !== null && result.exceeded[place]);
+  const uses = usesOf(state);
+  const beyond = uses.filter(([, , place]) => place !== null && result.exceeded[place]);
   const texts = beyond.map(([joint, name, place]) => `${live.joints[joint].name}: ${name} is exceeded` + (Number.isFinite(result.uses[place]) ? ` by ${formatNumber(100 * (result.uses[place] - 1), 3)} %` : ""));
   const sentences = [...texts, ...live.exceeded];
-  const open = [...live.uses.filter(([, , place]) => place === null || Number.isNaN(result.uses[place])).map(([joint, name]) => `${live.joints[joint].name}: ${name}`), ...live.unjudged];
+  const open = [...uses.filter(([, , place]) => place === null || Number.isNaN(result.uses[place])).map(([joint, name]) => `${live.joints[joint].name}: ${name}`), ...live.unjudged];
   if (sentences.length) return { word: "Exceeded", good: false, sentences, open };
   if (live.undetermined.length) return { word: "Not known", good: false, sentences: live.undetermined.map((text) => `in the sizing: ${text}`), open };
-  if (!result.uses.length) return { word: "Nothing to compare with", good: null, sentences: ["no limit is recomputed"], open };
+  if (!uses.some(([, , place]) => place !== null)) return { word: "Nothing to compare with", good: null, sentences: ["no limit is recomputed"], open };
   return open.length ? { word: "Inside as far as recomputed", good: null, sentences, open } : { word: "All inside", good: true, sentences, open };
 }
 
 /** The largest known use of the limits of a joint: [name, use], or null. */
-function largestUse({ live, result }, joint) {
-  const own = live.uses.filter(([of, , place]) => of === joint && place !== null && !Number.isNaN(result.uses[place])).map(([, name, place]) => [name, result.uses[place]]);
+function largestUse(state, joint) {
+  const { result } = state;
+  const own = usesOf(state).filter(([of, , place]) => of === joint && place !== null && !Number.isNaN(result.uses[place])).map(([, name, place]) => [name, result.uses[place]]);
   return own.reduce((best, each) => (best === null || each[1] > best[1] ? each : best), null);
 }
 
@@ -67,7 +80,7 @@ function makeJudgement(state) {
   const table = element("table", {}, element("thead", {}, element("tr", {}, ...["joint", "largest share of a limit", "peak", "RMS", "speed", "motor peak", "motor RMS"]
     .map((textContent) => element("th", { textContent })))), element("tbody", {}, ...rows.map(({ name, cells, use }) =>
     element("tr", {}, element("th", { className: "name", textContent: name, title: name }), use, ...cells))));
-  const about = element("p", { className: "about", textContent: "Torques of motors contain the safety factor. While values are changed, the arrows of torques in the view are hidden, because they are those of the sizing." });
+  const about = element("p", { className: "about", textContent: "Torques of motors contain the safety factor. While values are changed, the arrows of torques in the view are hidden, because they are those of the sizing. " + live.fixed.map((text) => `${text[0].toUpperCase()}${text.slice(1)}.`).join(" ") });
   return {
     above: [verdict], below: [element("div", { className: "wide" }, table), about],
     show() {

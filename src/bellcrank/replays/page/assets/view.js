@@ -52,10 +52,12 @@ function makeView(pane, film) {
   const layers = film.layers.map(({ group, name, bodies: members }) => ({
     group, name, colour: "transparent", objects: members.map((k) => bodies[k]), on: true,
   }));
+  const ghost = film.live?.kind === "run" || film.live?.postures ? addGhost(THREE, world, layers, bodies, film.live.kind) : null;
   const cameraFollow = makeCameraFollow(THREE, viewer, camera, film, bodies, ground, layers);
   const updaters = [
     bodyUpdater(THREE, film, bodies),
     cameraFollow.move,
+    ...ghost ? [ghost.move] : [],
     ...film.traces.map((trace, k) => addTrace(THREE, world, layers, trace, paletteColour(k + 1), size)),
     ...film.springs.map((spring) => addSpring(THREE, world, layers, film, spring)),
     ...film.rods.map((rod) => addRod(THREE, world, layers, cache, film, rod)),
@@ -140,6 +142,40 @@ function makeView(pane, film) {
       invalidateBackdrop();
       viewer.set_dirty();
     },
+    /** Show another motion of the bodies too, translucent; null for none. */
+    showGhost(motion) {
+      ghost.show(motion);
+      if (motion) stretchForms(ghost.copies, motion.stretch);
+      view.refresh();
+    },
+    pane,
+    /** The translucent body at a pixel of the pane, and the point there in the viewer's frame; null where there is none. */
+    ghostAt(x, y) {
+      if (!ghost.visible) return null;
+      viewer.scene.updateMatrixWorld();
+      camera.updateMatrixWorld();
+      const ray = new THREE.Raycaster();
+      ray.setFromCamera(new THREE.Vector2(2 * x / size.value.x - 1, 1 - 2 * y / size.value.y), camera);
+      const [hit] = ray.intersectObjects(ghost.copies, true);
+      if (!hit) return null;
+      let part = hit.object;
+      while (!ghost.copies.includes(part)) part = part.parent;
+      return { body: ghost.copies.indexOf(part), point: hit.point };
+    },
+    /** A translucent body where it is now. */
+    ghostBody(number) {
+      ghost.copies[number].updateWorldMatrix(true, false);
+      return ghost.copies[number];
+    },
+    /** The pixel of a point in the viewer's frame. */
+    pixelOf(point) {
+      const seen = point.clone().project(camera);
+      return [(seen.x + 1) / 2 * size.value.x, (1 - seen.y) / 2 * size.value.y];
+    },
+    /** Keep the camera where it is, whatever the pointer does. */
+    holdCamera(on) {
+      viewer.controls.enabled = !on;
+    },
     gridStep: () => cameraFollow.gridStep,
     refresh() {
       view.showTime(now);
@@ -154,9 +190,7 @@ function makeView(pane, film) {
       traces.forEach((segments, k) => { film.traces[k].segments = segments; });
       springs.forEach((ends, k) => { film.springs[k].ends = ends; });
       rods.forEach((ends, k) => { film.rods[k].ends = ends; });
-      for (const body of bodies) body.children[0].matrix.identity();
-      for (const [k, [a, b, c, d, e, f, g, h, i]] of stretch) bodies[k].children[0].matrix.set(a, b, c, 0, d, e, f, 0, g, h, i, 0, 0, 0, 0, 1);
-      for (const body of bodies) body.children[0].matrixWorldNeedsUpdate = true;
+      stretchForms(bodies, stretch);
       view.refresh();
     },
   };
@@ -197,6 +231,13 @@ function makeView(pane, film) {
   viewer.set_3d_pane_size();
   new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
   return view;
+}
+
+/** Multiply the shapes of bodies by maps, pairs of a body and nine numbers, row by row; those of others by 1. */
+function stretchForms(bodies, stretch) {
+  for (const body of bodies) body.children[0].matrix.identity();
+  for (const [k, [a, b, c, d, e, f, g, h, i]] of stretch) bodies[k].children[0].matrix.set(a, b, c, 0, d, e, f, 0, g, h, i, 0, 0, 0, 0, 1);
+  for (const body of bodies) body.children[0].matrixWorldNeedsUpdate = true;
 }
 
 /** The film's camera, with mouse controls. In the viewer's frame y is up, in the film's z. */

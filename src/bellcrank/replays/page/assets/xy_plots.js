@@ -1,5 +1,7 @@
 // ---- XY plots: one quantity over another, with limits, and a dot at the current time
 
+const SEEN = 0.2;  // pixels between two points that are both drawn
+
 /** uPlot draws the axes; the curve and its limits, whose x is not increasing, are drawn here. */
 function makeXYPlot(panel, data, shared) {
   const { player, jumps } = shared;
@@ -101,12 +103,15 @@ function drawXYPlot(u, { x, y, limits }) {
   const to = (a, b) => [u.valToPos(a, "x", true), u.valToPos(b, "y", true)];
   const path = (count, at, close) => {
     pen.beginPath();
-    let broken = true;
+    let before = null;  // the last point drawn; others as close as these two are not
     for (let i = 0; i < count; i++) {
       const [a, b] = at(i);
-      if (!Number.isFinite(a) || !Number.isFinite(b)) { broken = true; continue; }
-      if (broken) pen.moveTo(...to(a, b)); else pen.lineTo(...to(a, b));
-      broken = false;
+      if (!Number.isFinite(a) || !Number.isFinite(b)) { before = null; continue; }
+      const [x, y] = to(a, b);
+      if (before === null) pen.moveTo(x, y);
+      else if (Math.hypot(x - before[0], y - before[1]) > SEEN || i === count - 1) pen.lineTo(x, y);
+      else continue;
+      before = [x, y];
     }
     if (close) pen.closePath();
   };
