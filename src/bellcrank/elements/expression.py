@@ -161,9 +161,8 @@ def syntax_tree(text: str) -> ast.Expression:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         place = getattr(error, "offset", None)
         where = f" at character {place}" if place else ""
-        raise InputError(
-            f"'{_short(text)}' is not an expression: {getattr(error, 'msg', None) or error}{where}"
-        ) from None
+        why = getattr(error, "msg", None) or (error.reason if isinstance(error, UnicodeError) else error)
+        raise InputError(f"'{_short(text)}' is not an expression: {why}{where}") from None
 
 
 class Reader:
@@ -414,6 +413,7 @@ def _alternating(x: Any, zeros: tuple[float, ...]) -> Any:
 
 def _short(text: str) -> str:
     line = " ".join(text.split())
+    line = line if line.isprintable() else ascii(line)[1:-1]
     return line if len(line) <= 60 else line[:57] + "…"
 
 
