@@ -22,6 +22,8 @@ from bellcrank.plot_style import (
     new_figure,
     place,
     plain,
+    powers_of_ten,
+    title_above,
     write_figure,
 )
 from bellcrank.simulation.plot_panels import Panel, extremes, run_panels, shown_unit
@@ -119,9 +121,10 @@ def _draw(axis: Axes, time: Array, panel: Panel) -> None:
         axis.plot(time, panel.lines[k][1], color="0.75", linewidth=0.7, zorder=1.9, label=label)
     if panel.logarithmic:
         axis.set_yscale("symlog", linthresh=1e-16)
+        powers_of_ten(axis.yaxis)
     else:
         _keep_constants_flat(axis, panel)
-    axis.set_title(literal(panel.title), loc="left", fontsize="medium")
+    title_above(axis, literal(panel.title), loc="left", fontsize="medium")
     axis.set_ylabel(literal(f"[{shown_unit(panel.unit)}]"))
     plain(axis)
 

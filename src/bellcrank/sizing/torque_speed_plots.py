@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank.config.units import RPM
 from bellcrank.dynamics.force_table_breakpoints import force_times
-from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain
+from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain, title_above
 from bellcrank.sizing.joint_histories import SampledStates, joint_torques, sizing_inputs
 from bellcrank.sizing.motion_grid import motion_sides
 
@@ -97,9 +97,8 @@ def joint_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
         axis.set_xlabel(f"speed [{'m/s' if linear else 'rad/s'}]")
         axis.set_ylabel("force [N]" if linear else "torque [N m]")
         missing = [what for what, limit in (("effort", effort), ("speed", speed)) if not math.isfinite(limit)]
-        axis.set_title(
-            literal(joint.name + (f" (no {' and '.join(missing)} limit given)" if missing else "")), fontsize="medium"
-        )
+        given = f" (no {' and '.join(missing)} limit given)" if missing else ""
+        title_above(axis, literal(joint.name + given), fontsize="medium")
     title = f"{sizing.robot}: torque and speed at the joints, with the URDF's limits{_note(sizing)}"
     return _finish(figure, axes, len(joints), title)
 
@@ -128,7 +127,7 @@ def shaft_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
         factor = f" × {actuator.safety_factor:g}" if actuator.safety_factor != 1.0 else ""
         axis.set_ylabel(f"motor torque{factor} [N m]")
         missing = "" if known else ", torque unknown"
-        axis.set_title(literal(f"{joint.name} (ratio {actuator.ratio:g}{missing})"), fontsize="medium")
+        title_above(axis, literal(f"{joint.name} (ratio {actuator.ratio:g}{missing})"), fontsize="medium")
     title = f"{sizing.robot}: torque and speed at the motor shafts{_note(sizing)}"
     return _finish(figure, axes, len(joints), title)
 
