@@ -252,9 +252,10 @@ def place(
     figure.subplots_adjust(
         left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, across / wide, between / high
     )
+    out = 0.75 if columns == 1 else 0.6  # inches; nearer to its own axes than to those beside
     for axis in figure.axes:
-        axis.yaxis.set_label_coords((0.2 - min(left, across)) / wide, 0.5)
-        axis.xaxis.set_label_coords(0.5, -0.3 / high)
+        axis.yaxis.set_label_coords(-out / wide, 0.5)
+        axis.xaxis.set_label_coords(0.5, -0.3 / (axis.get_position().height * height))
 
 
 def heading(figure: Figure, text: str) -> float:
