@@ -466,3 +466,17 @@ def test_a_linear_damper_is_viscous_friction(forces: list[dict[str, Any]]) -> No
     sizing = bc.size(damped, bc.time_optimal(damped, "elbow_up", costs=False).motion)
     margins = [shaft.margins[key] for _, shaft in sizing.shafts for key in ("peak torque", "motor speed", "peak curve")]
     assert min(margins) > -2e-5
+
+
+def test_rising_interpolants_are_those_of_scipy() -> None:
+    from scipy.interpolate import PchipInterpolator
+
+    from bellcrank.planning.joint_path import _rising
+
+    random = np.random.default_rng(3)
+    for count in [*range(2, 12)] * 20:
+        x, y = np.cumsum(random.random(count) ** 3 + 1e-2), np.cumsum(random.random(count) ** 4 + 1e-6)
+        at = np.linspace(x[0], x[-1], 300)
+        found = _rising(x, y)(at)
+        np.testing.assert_allclose(found, PchipInterpolator(x, y)(at), rtol=0.0, atol=1e-13 * y[-1])
+        assert (np.diff(found) >= -1e-15 * y[-1]).all()

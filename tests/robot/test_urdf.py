@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -379,3 +380,11 @@ def test_numbers_survive_the_way_to_pinocchio_bit_by_bit(xyz: list[float], rpy: 
     model = pin.buildModelFromXML(urdf.pinocchio_xml())
     np.testing.assert_array_equal(model.jointPlacements[1].translation, xyz)
     np.testing.assert_allclose(model.jointPlacements[1].rotation, pin.rpy.rpyToMatrix(*rpy), atol=1e-15)
+
+
+@given(st.text(st.characters(exclude_categories=["Cs", "Cc"], include_characters="\n\t\"'&<>"), max_size=30))
+def test_text_and_attributes_that_are_written_are_read_back(text: str) -> None:
+    from bellcrank.robot.xml_tree import escaped, quoted
+
+    element = ElementTree.fromstring(f"<a b={quoted(text)}>{escaped(text)}</a>")
+    assert element.attrib["b"] == text and (element.text or "") == text

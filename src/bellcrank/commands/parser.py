@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
@@ -88,6 +89,14 @@ def overview() -> str:
     return OVERVIEW.format(version=version())
 
 
+class _Version(argparse.Action):
+    """Prints the version; it is looked up only then, which takes 20 ms."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        parser._print_message(f"bellcrank {version()}\n", sys.stdout)
+        parser.exit()
+
+
 def parser(given: list[str], *, whole: bool = False) -> argparse.ArgumentParser:
     """The parser of all commands. Only the given command has its arguments, or all of them have with `whole`."""
     made = Parser(
@@ -96,7 +105,7 @@ def parser(given: list[str], *, whole: bool = False) -> argparse.ArgumentParser:
         epilog="Exit codes: 0: success; 1: a limit is exceeded, a check failed or a run ended early; 2: invalid input, "
         "explained in one line; 128 + n: interrupted by signal n.",
     )
-    made.add_argument("--version", action="version", version=f"bellcrank {version()}")
+    made.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in _modules(given).items():
         summary = COMMANDS.get(name) or importlib.import_module(module).SUMMARY

@@ -128,28 +128,30 @@ def _simulated(scene: Scene) -> Trajectory:
 def verdict_of(result: Trajectory | Sizing | Selection) -> tuple[bool, str]:
     """Whether a run finished and is known, or a sizing or a selection keeps all limits; and what says so."""
     from bellcrank.sizing.result import Sizing
+    from bellcrank.sizing.tables import verdict
+
+    if isinstance(result, Sizing):
+        return result.inside, verdict(result)
     from bellcrank.sizing.selection import tables
     from bellcrank.sizing.selection.selection import Selection
-    from bellcrank.sizing.tables import verdict
 
     if isinstance(result, Selection):
         return result.verified, tables.verdict(result)
-    if isinstance(result, Sizing):
-        return result.inside, verdict(result)
     return result.success and not result.non_finite and not result.not_known, result.message
 
 
 def remarks_of(result: Trajectory | Sizing | Selection) -> list[tuple[str, str]]:
     """What is said about a run, a sizing or a selection: ("error", "warning", "not known" or "note", text)."""
     from bellcrank.sizing.result import Sizing
-    from bellcrank.sizing.selection.selection import Selection
 
-    if isinstance(result, Selection):
-        return [("note", text) for text in result.warnings]
     if isinstance(result, Sizing):
         masses = () if result.inputs is None else result.inputs.mechanism.robot.inertia_warnings
         kinds = dict.fromkeys(result.urdf_errors, "error") | dict.fromkeys(masses, "warning")
         return [(kinds.get(text, "note"), text) for text in result.warnings]
+    from bellcrank.sizing.selection.selection import Selection
+
+    if isinstance(result, Selection):
+        return [("note", text) for text in result.warnings]
     from bellcrank.simulation.summary import run_facts
 
     return [(name, text) for name, text in run_facts(result) if name in ("warning", "note", "not known")]

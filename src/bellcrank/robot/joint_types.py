@@ -13,12 +13,11 @@ from difflib import get_close_matches
 from itertools import count
 from pathlib import Path
 from typing import Final
-from xml.sax.saxutils import escape, quoteattr
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
-from bellcrank.robot.xml_tree import Element, parse_xml
+from bellcrank.robot.xml_tree import Element, escaped, parse_xml, quoted
 
 _AXES: Final = {"X": "1 0 0", "Y": "0 1 0", "Z": "0 0 1"}
 GEPETTO_TYPES: Final = ("SPHERICAL", "FIXED", *(f"UJOINT_{a}{b}" for a in _AXES for b in _AXES if a != b))
@@ -148,8 +147,8 @@ def _write(element: Element, pieces: list[str], line: int) -> int:
     """Add the text of an element to the pieces, from this line on, each tag in its own line; the line of its end."""
     pieces.append("\n" * max(element.line - line, 0))
     line = max(line, element.line)
-    attributes = "".join(f" {key}={quoteattr(value)}" for key, value in element.attributes.items())
-    written = escape(element.text.strip())
+    attributes = "".join(f" {key}={quoted(value)}" for key, value in element.attributes.items())
+    written = escaped(element.text.strip())
     if not element.children and not written:
         pieces.append(f"<{element.tag}{attributes}/>")
         return line

@@ -7,7 +7,6 @@ body in the world. A body with several joints, or with a joint away from its ori
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,6 +16,7 @@ from bellcrank.robot.mjcf_inertia import BodyInertia
 from bellcrank.robot.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.mjcf_names import Names
 from bellcrank.robot.mjcf_placement import Array, placement, roll_pitch_yaw, translation
+from bellcrank.robot.xml_tree import quoted
 
 TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "floating"}
 
@@ -31,14 +31,14 @@ class UrdfWriter:
 
     def text(self, name: str) -> str:
         """The text of the URDF."""
-        lines = [f"<robot name={quoteattr(name)}>"]
+        lines = [f"<robot name={quoted(name)}>"]
         for body in self._bodies:
             visual = self._visuals.get(body.name, "")
-            lines.append(f"<link name={quoteattr(body.name)}>{_inertial(body.inertia)}{visual}</link>")
+            lines.append(f"<link name={quoted(body.name)}>{_inertial(body.inertia)}{visual}</link>")
             if body is not self._bodies[0]:
                 lines.extend(self._chain(body))
             for site in body.sites:
-                lines.append(f"<link name={quoteattr(site.link)}/>")
+                lines.append(f"<link name={quoted(site.link)}/>")
                 lines.append(self._fixed(site.link, body.name, site.link, site.place))
         return "\n".join([*lines, "</robot>", ""])
 
@@ -52,7 +52,7 @@ class UrdfWriter:
             last = k == len(body.joints) - 1 and not joint.pos.any()
             child = body.name if last else self._links.new(f"{body.name}_after_{joint.name}")
             if not last:
-                yield f"<link name={quoteattr(child)}/>"
+                yield f"<link name={quoted(child)}/>"
             yield self._moving(joint, at, child, place @ translation(joint.pos) @ _to_zero(joint))
             at, place = child, translation(-joint.pos)
         if at != body.name:
@@ -60,11 +60,11 @@ class UrdfWriter:
 
     def _fixed(self, name: str, parent: str, child: str, place: Array) -> str:
         title = self._joints.new(f"{name}_fixed")
-        return f'<joint name={quoteattr(title)} type="fixed">{_ends(parent, child)}{origin(place)}</joint>'
+        return f'<joint name={quoted(title)} type="fixed">{_ends(parent, child)}{origin(place)}</joint>'
 
     def _moving(self, joint: MjcfJoint, parent: str, child: str, place: Array) -> str:
         kind = "continuous" if joint.kind == "hinge" and joint.range is None else TYPES[joint.kind]
-        parts = [f'<joint name={quoteattr(joint.name)} type="{kind}">{_ends(parent, child)}{origin(place)}']
+        parts = [f'<joint name={quoted(joint.name)} type="{kind}">{_ends(parent, child)}{origin(place)}']
         if joint.kind in MOVING:
             parts.append(f'<axis xyz="{_numbers(joint.axis)}"/>')
             bounds = {} if joint.range is None else {"lower": joint.range[0], "upper": joint.range[1]}
@@ -85,7 +85,7 @@ def origin(place: Array) -> str:
 
 
 def _ends(parent: str, child: str) -> str:
-    return f"<parent link={quoteattr(parent)}/><child link={quoteattr(child)}/>"
+    return f"<parent link={quoted(parent)}/><child link={quoted(child)}/>"
 
 
 def _to_zero(joint: MjcfJoint) -> Array:

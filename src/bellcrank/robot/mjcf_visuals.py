@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from bellcrank.robot.mjcf_meshes import Meshes
 from bellcrank.robot.mjcf_placement import Array
 from bellcrank.robot.mjcf_shapes import Shape
 from bellcrank.robot.mjcf_urdf import origin
+from bellcrank.robot.xml_tree import quoted
 
 LAST_GROUP = 2  # MuJoCo's viewer shows groups 0 to 2
 
@@ -44,7 +44,7 @@ class Visuals:
             return ""
         geometry, place = drawn
         colour = shape.element.attributes.get("rgba") or self._colours.get(shape.element.attributes.get("material", ""))
-        paint = f'<material name=""><color rgba={quoteattr(colour)}/></material>' if colour else ""
+        paint = f'<material name=""><color rgba={quoted(colour)}/></material>' if colour else ""
         return f"<visual>{origin(shape.place @ place)}<geometry>{geometry}</geometry>{paint}</visual>"
 
     def _mesh(self, name: str) -> tuple[str, Array] | None:
@@ -54,7 +54,7 @@ class Visuals:
         if file is None or drawing is None:
             return None
         scale = " ".join(repr(float(factor)) for factor in drawing[0])
-        return f'<mesh filename={quoteattr(file)} scale="{scale}"/>', drawing[1]
+        return f'<mesh filename={quoted(file)} scale="{scale}"/>', drawing[1]
 
 
 def _primitive(shape: Shape) -> tuple[str, Array] | None:

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from bellcrank.robot.mjcf_placement import Array, inverse
 from bellcrank.robot.mjcf_urdf import origin
 from bellcrank.robot.sdf_model import SdfLink
 from bellcrank.robot.sdf_poses import Fail, Frames, number, numbers, read_pose, text_of
-from bellcrank.robot.xml_tree import Element
+from bellcrank.robot.xml_tree import Element, quoted
 
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -22,7 +21,7 @@ ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 def link_xml(link: SdfLink, source: Path, frames: Frames, fail: Fail) -> tuple[str, list[str]]:
     """The <link> of a URDF, and sentences about what is not modelled. Raises InputError."""
     where, notes = f"link '{link.name}'", list[str]()
-    parts = [f"<link name={quoteattr(link.name)}>", _inertial(link, where, frames, fail, notes)]
+    parts = [f"<link name={quoted(link.name)}>", _inertial(link, where, frames, fail, notes)]
     for element in link.element.children:
         if element.tag in ("visual", "collision"):
             parts += _shape(link, element, source, where, frames, fail, notes)
@@ -95,7 +94,7 @@ def _solid(link: SdfLink, shape: Element, source: Path, where: str, fail: Fail) 
         scale = shape.find("scale")
         values = (1.0, 1.0, 1.0) if scale is None else numbers(scale, where, fail)
         uri = _mesh(text_of(shape, "uri"), link.folder, source)
-        return f'<mesh filename={quoteattr(uri)} scale="{" ".join(map(repr, values))}"/>'
+        return f'<mesh filename={quoted(uri)} scale="{" ".join(map(repr, values))}"/>'
     return ""
 
 

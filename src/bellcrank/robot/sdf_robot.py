@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from bellcrank.robot.sdf_joints import JointAxis, SdfJoint, turned
 from bellcrank.robot.sdf_links import link_xml
 from bellcrank.robot.sdf_model import SdfModels
 from bellcrank.robot.sdf_poses import WORLD
-from bellcrank.robot.xml_tree import parse_xml
+from bellcrank.robot.xml_tree import parse_xml, quoted
 
 NEAR = 1e-13  # m, and for entries of rotation matrices: equal placements
 LOOPS: dict[str, LoopKind] = {
@@ -75,7 +74,7 @@ class _Builder:
 
     def file(self) -> RobotFile:
         """The record."""
-        lines = [f"<robot name={quoteattr(self.models.name)}>"]
+        lines = [f"<robot name={quoted(self.models.name)}>"]
         for link in self.models.links:
             xml, notes = link_xml(link, self.source, self.models.frames, self._fail)
             lines.append(xml)
@@ -123,10 +122,10 @@ class _Builder:
         root = self.base
         place = np.eye(4) if root == WORLD else self._place(root, WORLD)
         if root == WORLD:
-            yield f"<link name={quoteattr(WORLD)}/>"
+            yield f"<link name={quoted(WORLD)}/>"
         elif not np.array_equal(place, np.eye(4)):  # the base link keeps its place in the world
             root = self.names.new(self.models.name)
-            yield f"<link name={quoteattr(root)}/>"
+            yield f"<link name={quoted(root)}/>"
             yield self._fixed(root, self.base, place)
         for link in self.models.links:
             if link.static:
@@ -172,7 +171,7 @@ class _Builder:
         child = other
         if not np.array_equal(rest, np.eye(4)):
             child = self.names.new(f"{joint.name}_child")
-            yield f"<link name={quoteattr(child)}/>"
+            yield f"<link name={quoted(child)}/>"
         axes = tuple(
             replace(axis, direction=vector(turn * np.array(self._direction(joint, k))))
             for k, axis in enumerate(joint.axes)
@@ -255,12 +254,12 @@ def _spanning_tree(edges: list[Edge]) -> tuple[list[Edge], list[Edge]]:
 
 def fixed_xml(name: str, parent: str, child: str, place: Array) -> str:
     """A fixed joint."""
-    return f'<joint name={quoteattr(name)} type="fixed">{_ends(parent, child)}{origin(place)}</joint>'
+    return f'<joint name={quoted(name)} type="fixed">{_ends(parent, child)}{origin(place)}</joint>'
 
 
 def floating_xml(name: str, parent: str, child: str, place: Array) -> str:
     """A joint with all freedoms."""
-    return f'<joint name={quoteattr(name)} type="floating">{_ends(parent, child)}{origin(place)}</joint>'
+    return f'<joint name={quoted(name)} type="floating">{_ends(parent, child)}{origin(place)}</joint>'
 
 
 def joint_xml(joint: SdfJoint, parent: str, child: str, place: Array, links: Names) -> Iterator[str]:
@@ -268,7 +267,7 @@ def joint_xml(joint: SdfJoint, parent: str, child: str, place: Array, links: Nam
     axes = joint.axes
     if len(axes) == 2 and replace(axes[1], direction=axes[0].direction) != axes[0]:
         cross = links.new(f"{joint.name}_cross")
-        yield f"<link name={quoteattr(cross)}/>"
+        yield f"<link name={quoted(cross)}/>"
         for k, (axis, ends) in enumerate(zip(axes, ((parent, cross), (cross, child)), strict=True), 1):
             single = replace(joint, name=f"{joint.name}_{k}", type="revolute", axes=(axis,))
             yield from joint_xml(single, *ends, place if k == 1 else np.eye(4), links)
@@ -277,7 +276,7 @@ def joint_xml(joint: SdfJoint, parent: str, child: str, place: Array, links: Nam
     if kind == "revolute" and axes[0].lower is None and axes[0].upper is None:
         kind = "continuous"
     pitch = f' pitch="{joint.pitch!r}"' if kind == "screw" else ""
-    parts = [f"<joint name={quoteattr(joint.name)} type={quoteattr(kind)}{pitch}>{_ends(parent, child)}{origin(place)}"]
+    parts = [f"<joint name={quoted(joint.name)} type={quoted(kind)}{pitch}>{_ends(parent, child)}{origin(place)}"]
     for tag, axis in zip(("axis", "axis2"), axes, strict=False):
         parts.append(f'<{tag} xyz="{" ".join(map(repr, axis.direction))}"/>')
     if axes:
@@ -300,8 +299,8 @@ def _numbers(axis: JointAxis, kind: str) -> Iterator[str]:
         yield f'<dynamics damping="{axis.damping!r}" friction="{axis.friction!r}"/>'
     if axis.mimic is not None:
         leader, multiplier, offset = axis.mimic
-        yield f'<mimic joint={quoteattr(leader)} multiplier="{multiplier!r}" offset="{offset!r}"/>'
+        yield f'<mimic joint={quoted(leader)} multiplier="{multiplier!r}" offset="{offset!r}"/>'
 
 
 def _ends(parent: str, child: str) -> str:
-    return f"<parent link={quoteattr(parent)}/><child link={quoteattr(child)}/>"
+    return f"<parent link={quoted(parent)}/><child link={quoted(child)}/>"

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
-from xml.sax.saxutils import quoteattr
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.extended_joints import PLAIN_TYPES, split_universal
 from bellcrank.robot.urdf_elements import MIMICKED, Inertial, Joint, Link, Mimic, joint_from, link_from, reduction_from
-from bellcrank.robot.xml_tree import Element, parse_xml, read_text
+from bellcrank.robot.xml_tree import Element, parse_xml, quoted, read_text
 
 __all__ = ["UNLIMITED", "Inertial", "Joint", "Link", "Mimic", "Reading", "Urdf", "read_urdf", "reading_of"]
 
@@ -55,9 +54,9 @@ class Urdf:
         limit that the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements
         are left out.
         """
-        lines = [f"<robot name={quoteattr(self.name)}>"]
+        lines = [f"<robot name={quoted(self.name)}>"]
         for link in self.links.values():
-            lines.append(f"<link name={quoteattr(link.name)}>{_inertial_xml(link.inertial)}</link>")
+            lines.append(f"<link name={quoted(link.name)}>{_inertial_xml(link.inertial)}</link>")
         lines.extend(_joint_xml(joint) for joint in self.joints.values())
         return "\n".join([*lines, "</robot>", ""])
 
@@ -258,8 +257,8 @@ def _inertial_xml(inertial: Inertial | None) -> str:
 def _joint_xml(joint: Joint) -> str:
     kind = PLAIN_TYPES.get(joint.type, joint.type)
     parts = [
-        f"<joint name={quoteattr(joint.name)} type={quoteattr(kind)}>",
-        f"<parent link={quoteattr(joint.parent)}/><child link={quoteattr(joint.child)}/>",
+        f"<joint name={quoted(joint.name)} type={quoted(kind)}>",
+        f"<parent link={quoted(joint.parent)}/><child link={quoted(joint.child)}/>",
         f"<origin xyz={_numbers(joint.xyz)} rpy={_numbers(joint.rpy)}/>",
     ]
     if kind in ("revolute", "prismatic", "planar"):
@@ -274,6 +273,6 @@ def _joint_xml(joint: Joint) -> str:
     if joint.mimic is not None:
         mimic = joint.mimic
         parts.append(
-            f'<mimic joint={quoteattr(mimic.joint)} multiplier="{mimic.multiplier!r}" offset="{mimic.offset!r}"/>'
+            f'<mimic joint={quoted(mimic.joint)} multiplier="{mimic.multiplier!r}" offset="{mimic.offset!r}"/>'
         )
     return "".join([*parts, "</joint>"])

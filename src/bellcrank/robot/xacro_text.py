@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
-from unittest import mock
 from xml.parsers import expat
 
 from bellcrank.errors import InputError
@@ -114,6 +113,7 @@ def _expanded(text: str, source: Path, access: FileAccess, args: Mapping[str, st
 def _restricted(source: Path, access: FileAccess, declared: set[str]) -> Iterator[None]:
     """The package with the restrictions of this module; the arguments of included files are added to `declared`."""
     import xml.dom.minidom
+    from unittest import mock
 
     import xacro
     from xacro import substitution_args

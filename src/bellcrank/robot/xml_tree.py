@@ -14,6 +14,10 @@ from bellcrank.files.access import read_bytes
 ENDS_TOO_EARLY = (3, 5, 6, 20)  # expat's codes: no element, unclosed token, partial character, unclosed CDATA
 _DECLARED = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 MOST_DEPTH = 200  # of nesting
+# xml.sax.saxutils does the same, and imports Python's network modules: 25 ms of each command
+_IN_TEXT = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
+_ESCAPED = str.maketrans(_IN_TEXT)
+_QUOTED = str.maketrans({**_IN_TEXT, '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 @dataclass(slots=True)
@@ -132,3 +136,13 @@ def parse_xml(text: str, source: Path | str) -> Element:
     except UnicodeError:
         raise InputError(f"{source}: contains characters that are not valid in XML; save it as UTF-8") from None
     return roots[0]
+
+
+def escaped(text: str) -> str:
+    """The text as content of an element."""
+    return text.translate(_ESCAPED)
+
+
+def quoted(text: str) -> str:
+    """The text as the value of an attribute, with its quotation marks."""
+    return f'"{text.translate(_QUOTED)}"'

@@ -77,13 +77,13 @@ class TreeMotion:
 
     def neutral_poses(self, frames: Sequence[str]) -> list[tuple[Array, Array]]:
         """Position (3,) and rotation (3, 3) of all joints in the neutral position, then of some frames."""
-        flat = self._poses(frames)(self._mechanism.robot.neutral, self._parameters)
-        return [(pose[:3], pose[3:].reshape(3, 3)) for pose in np.asarray(flat).reshape(-1, _POSE)]
+        poses = self._poses_at(self._mechanism.robot.neutral[None], frames)
+        return [(point[0], rotation[0]) for point, rotation in poses]
 
-    def _joint_poses(self, q: Array) -> list[tuple[Array, Array]]:
-        """Position (n, 3) and rotation (n, 3, 3) of all joints, in the order of the tree."""
-        key = f"joint poses {[parameter.sets for parameter in self._set.values()]!r}"
-        code = self._mechanism.robot.compiled(key, lambda: self._poses(()), seldom=True)
+    def _poses_at(self, q: Array, frames: Sequence[str] = ()) -> list[tuple[Array, Array]]:
+        """Position (n, 3) and rotation (n, 3, 3) of all joints, in the order of the tree, then of some frames."""
+        key = f"joint poses {[parameter.sets for parameter in self._set.values()]!r} {list(frames)!r}"
+        code = self._mechanism.robot.compiled(key, lambda: self._poses(frames), seldom=True)
         poses = np.asarray(code(q, self._parameters)).reshape(len(q), -1, _POSE).transpose(1, 0, 2)
         return [(pose[:, :3], pose[:, 3:].reshape(-1, 3, 3)) for pose in poses]
 
@@ -112,7 +112,7 @@ class TreeMotion:
         n = len(q)
         none = np.zeros((n, 3))
         found = [JointMotion(none, np.tile(np.eye(3), (n, 1, 1)), none, none, none, np.zeros((n, 6, 0)))]
-        for number, (point, rotation) in enumerate(self._joint_poses(q)):
+        for number, (point, rotation) in enumerate(self._poses_at(q)):
             joint, ratio = self._tree.joints[number], self._ratios[number]
             columns, parent = self._columns[number], found[joint.parent]
             local = _freedoms(joint)
