@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen.expression_graph import Graph
-from bellcrank.codegen.schedule import Limits
+from bellcrank.codegen.llvm_ir import Limits
 
 CASADI_VERSION: str
 """The version of casadi whose headers and library the tracer `_trace` was built with."""

@@ -10,7 +10,7 @@ from bellcrank.dynamics.design_parameters import RowSampling
 from bellcrank.dynamics.start_equations import StartEquations
 from bellcrank.simulation.ensemble_problem import EnsembleProblem
 from bellcrank.simulation.integration_problem import IntegrationProblem
-from bellcrank.simulation.sensitivity_problem import SensitivityProblem
+from bellcrank.simulation.propagation import SensitivityProblem
 
 def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]

@@ -14,7 +14,7 @@ import pytest
 import bellcrank
 from bellcrank.config.fields import parse_number
 from bellcrank.plot_style import _BREAK
-from bellcrank.replays.geometry.mesh_files import named_files
+from bellcrank.replays.geometry.meshes import named_files
 from bellcrank.robot.urdf_elements import NUMBER
 from bellcrank.scene.scene import load_scene
 from bellcrank.studies.axes import parse_axis, read_axis

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.robot.catalog import names
+from bellcrank.robot.check import differences_from_yourdfpy
 from bellcrank.robot.urdf_file import UNLIMITED, Urdf, read_urdf, reading_of
-from bellcrank.robot.yourdfpy_comparison import differences_from_yourdfpy
 
 PLANAR = (folder("urdf") / "planar_2r.urdf").read_text(encoding="utf-8")
 

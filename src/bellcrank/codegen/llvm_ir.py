@@ -10,10 +10,63 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bellcrank._codegen import schedule as divided
 from bellcrank._codegen import write
-from bellcrank.codegen.expression_graph import Graph
-from bellcrank.codegen.schedule import limits_of
+from bellcrank.codegen.expression_graph import LONG, Graph
 from bellcrank.codegen.vector_math import EXACT_SINCOS, Lanes, sincos
+
+# ---- The division of large graphs into functions, and the order in which their operations are written.
+
+PART = 400  # operations per function of a divided graph
+WHOLE = 16_000  # the most operations that the optimiser joins
+WAITING = 750  # the most live values in functions that it joins
+ROLLED = 3_000  # operations from which on repetitions are written as loops
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How a graph is divided: the constants above, that of long code, and whether it is called for some rows only."""
+
+    whole: int
+    part: int
+    waiting: int
+    rolled: int
+    lengthy: int
+    seldom: bool
+
+
+def limits_of(graph: Graph) -> Limits:
+    """The limits for a graph."""
+    return Limits(WHOLE, PART, WAITING, ROLLED, LONG, graph.seldom)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The steps of each function, and the memory slots in which values are passed to later functions.
+
+    A step is a node, or -1 - w for wave w: angles whose sines and cosines are computed together. `slots` has the nodes
+    that are passed; nodes share a slot if the last function that reads one comes before the function that writes the
+    next. `joined`: optimised code is one function.
+    """
+
+    parts: tuple[tuple[int, ...], ...]
+    waves: tuple[tuple[int, ...], ...]
+    slots: dict[int, int]
+    memory: int
+    joined: bool
+
+
+def schedule(graph: Graph) -> Schedule:
+    """The straight-line code of a graph as it is divided and ordered."""
+    parts, waves, slots, memory, joined = divided(graph, limits_of(graph))
+    return Schedule(
+        tuple(tuple(part) for part in parts),
+        tuple(tuple(wave) for wave in waves),
+        {node: slot for node, slot in enumerate(slots) if slot >= 0},
+        memory,
+        joined,
+    )
+
 
 _TWO_OPERANDS = {"pow", "atan2", "hypot", "fmod"}  # of the C library functions that are called lane by lane
 

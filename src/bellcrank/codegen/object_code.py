@@ -46,7 +46,7 @@ def object_code(ir: str, cpu: str, features: str, level: int) -> bytes:
 
 
 def _join(module: Any, machine: Any) -> None:
-    """Make one function of those into which the code is divided (schedule.py); what they pass on stays in registers."""
+    """Make one function of those into which the code is divided (llvm_ir.py); what they pass on stays in registers."""
     builder = llvm().create_pass_builder(machine, llvm().create_pipeline_tuning_options(0))
     inliner = llvm().create_new_module_pass_manager()
     inliner.add_always_inliner_pass()

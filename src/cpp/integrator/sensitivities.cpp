@@ -29,7 +29,7 @@ struct RunReading : ProblemReading {
   Vector x0_, parameters_;
 };
 
-// The record SensitivityProblem (simulation/sensitivity_problem.py).
+// The record SensitivityProblem (simulation/propagation.py).
 struct SensitivityReading {
   SensitivityProblem plain{};
   std::size_t mark_count = 0;

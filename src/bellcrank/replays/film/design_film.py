@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,23 +12,83 @@ from numpy.typing import NDArray
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.quaternions import rotate
-from bellcrank.replays.film.arrows import element_frames, scene_rods, scene_springs
+from bellcrank.replays.film.arrows import SceneFrames, element_frames, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.decimation import frame_rows
-from bellcrank.replays.film.design_sources import DesignSource, design_source
 from bellcrank.replays.film.film import Film, Rod, Spring, TimelineEvent, Trace
+from bellcrank.replays.film.film_samples import FramePose
 from bellcrank.replays.film.link_stretch import LinkStretch
+from bellcrank.replays.film.motion_film import MotionSequence, motion_trajectories
 from bellcrank.replays.film.robot_view import film_axes, film_bodies, revolute_axes, traced_frames
+from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, world_corners
+from bellcrank.sizing.joint_histories import SizingInputs
 
 if TYPE_CHECKING:
+    from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
     from bellcrank.robot.robot import Robot
+    from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.joint_histories import SizingInputs
 
+
+# ---- What the film of a study shows of one design: a run of a scene, or a motion over which it was sized.
+
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DesignSource:
+    """One design.
+
+    Attributes:
+        robot: Its robot.
+        scene: Its scene; None where there is none.
+        parameters: Values of the scene's parameters.
+        trajectory: Its motion, with the poses of these frames.
+        events: What is marked on the time line.
+        traced: The frames that are traced by default.
+    """
+
+    robot: Robot
+    scene: Scene | None
+    parameters: Array
+    trajectory: Callable[[tuple[str, ...]], SampledTrajectory]
+    events: tuple[TimelineEvent, ...] = ()
+    traced: tuple[str, ...] = ()
+
+    def frames(self, position: Array, frame_pose: FramePose) -> SceneFrames | None:
+        """What springs and rods are drawn from, at positions (n, nq)."""
+        if self.scene is None:
+            return None
+        return SceneFrames(scene=self.scene, parameters=self.parameters, state=position, frame_pose=frame_pose)
+
+
+def design_source(result: Trajectory | SizingInputs) -> DesignSource:
+    """A design that was simulated, or is sized: then its first motion is shown."""
+    if isinstance(result, SizingInputs):
+        mechanism, motions, _ = result
+        scene = mechanism.scene
+        sequence = MotionSequence(mechanism=mechanism, motions=motions[:1], actuators={})
+        return DesignSource(
+            robot=mechanism.robot,
+            scene=scene,
+            parameters=np.zeros(0) if scene is None else scene.parameter_values,
+            trajectory=lambda frames: motion_trajectories(sequence, frames)[0],
+        )
+    run = result
+    return DesignSource(
+        robot=run.robot,
+        scene=run.scene,
+        parameters=run.parameters,
+        trajectory=lambda frames: run_trajectory(run, finite_rows(run), frames),
+        events=tuple(TimelineEvent(event.time, event.name) for event in run.events),
+        traced=output_frames(run),
+    )
+
+
 TOLERANCE = 1.0 / 400.0  # of the size of the robot: two pixels in a view of 800 lines
 REFINEMENT = 0.25  # share of the tolerance for the error between two rows of a run
 SEEN = 40  # times of each design by which the camera is chosen
