@@ -9,7 +9,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.codegen import llvm as machine
-from bellcrank.codegen import schedule
+from bellcrank.codegen import llvm_ir
 from bellcrank.codegen.compile import compiled, make_ready
 from bellcrank.dynamics.consistent_start import displaced
 from bellcrank.dynamics.kkt import elimination_order
@@ -182,11 +182,11 @@ def sums(seed=0):
     ("waiting", "seldom", "joined"), [(10**9, False, True), (50, False, False), (10**9, True, False)]
 )
 def test_long_code_is_joined_unless_many_values_wait_or_it_is_called_seldom(waiting, seldom, joined, monkeypatch):
-    monkeypatch.setattr(schedule, "WAITING", waiting)
-    monkeypatch.setattr(schedule, "WHOLE", 10**9)
-    monkeypatch.setattr(schedule, "ROLLED", 10**9)
+    monkeypatch.setattr(llvm_ir, "WAITING", waiting)
+    monkeypatch.setattr(llvm_ir, "WHOLE", 10**9)
+    monkeypatch.setattr(llvm_ir, "ROLLED", 10**9)
     code = compiled("sums", ("test", str(waiting), str(seldom)), sums, seldom)
-    plan = schedule.schedule(code.graph)
+    plan = llvm_ir.schedule(code.graph)
     assert len(plan.parts) >= 8 and plan.joined == joined
     assert (" alwaysinline " in code.ir("scalar")) == joined
     x = np.random.default_rng(1).normal(size=(9, 60))

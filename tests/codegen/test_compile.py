@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.codegen import cache, schedule
+from bellcrank.codegen import cache, llvm_ir
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
 from bellcrank.errors import CompileError, InputError
@@ -94,8 +94,8 @@ def test_an_operation_without_machine_code_is_a_clear_error():
 
 
 def cut_into_pieces(monkeypatch, operations):
-    monkeypatch.setattr(schedule, "WHOLE", operations)
-    monkeypatch.setattr(schedule, "PART", operations)
+    monkeypatch.setattr(llvm_ir, "WHOLE", operations)
+    monkeypatch.setattr(llvm_ir, "PART", operations)
 
 
 def random_graph(seed):
@@ -151,7 +151,7 @@ def test_every_value_is_computed_before_it_is_read_and_kept_until_its_last_readi
     cut_into_pieces(monkeypatch, length)
     for seed in range(5):
         graph = compiled("random", ("test", str(seed)), lambda seed=seed: random_graph(seed)).graph
-        plan, nodes = schedule.schedule(graph), graph.nodes
+        plan, nodes = llvm_ir.schedule(graph), graph.nodes
         sines = {}
         for index, node in enumerate(nodes):
             if node.op in ("sin", "cos"):
@@ -189,7 +189,7 @@ def test_reordering_shortens_how_long_values_wait():
         return ends.cumsum().max()
 
     given = [k for k, node in enumerate(nodes) if node.args and node.op not in ("sin", "cos")]
-    chosen = [s for part in schedule.schedule(graph).parts for s in part if s >= 0]
+    chosen = [s for part in llvm_ir.schedule(graph).parts for s in part if s >= 0]
     assert sorted(chosen) == given
     assert most_at_once(chosen) < most_at_once(given) / 2
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bellcrank._step import evaluate
-from bellcrank.codegen import kernels, schedule
+from bellcrank.codegen import kernels, llvm_ir
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
 from bellcrank.codegen.expression_graph import Graph, contracted, graph_of
@@ -89,9 +89,9 @@ def test_each_level_and_division_gives_the_same_bits(kind, seed, monkeypatch):
     x[3, 2], x[7, 1], x[11, 0] = 1e7, np.inf, np.nan
     found = []
     for level, (part, whole) in itertools.product((0, 1, 2), ((10**9, 10**9), (30, 10**9), (30, 0))):
-        monkeypatch.setattr(schedule, "PART", part)
-        monkeypatch.setattr(schedule, "WHOLE", whole)
-        monkeypatch.setattr(schedule, "LONG", 0)
+        monkeypatch.setattr(llvm_ir, "PART", part)
+        monkeypatch.setattr(llvm_ir, "WHOLE", whole)
+        monkeypatch.setattr(llvm_ir, "LONG", 0)
         ir = kernels.KINDS[kind](g, chosen.lanes, chosen.fused)
         assert ("@part5" in ir) == (part == 30) and (" alwaysinline " in ir) == (part == 30 and whole > 0)
         code = machine.Loaded("levels", machine.object_code(ir, chosen, level), chosen)

@@ -8,7 +8,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.codegen import llvm as machine
-from bellcrank.codegen import schedule
+from bellcrank.codegen import llvm_ir
 from bellcrank.codegen.compile import compiled
 from bellcrank.dynamics.system import system_of, system_parameters
 
@@ -50,7 +50,7 @@ def test_lanes_and_batches_agree_with_the_scalar_kernel(target, pieces, monkeypa
     monkeypatch.setenv("BELLCRANK_TARGET", target)
     if pieces:
         for name in ("WHOLE", "PART"):
-            monkeypatch.setattr(schedule, name, 6)
+            monkeypatch.setattr(llvm_ir, name, 6)
     code = compiled("mixed", ("lanes", target, str(pieces)), mixed)
     width = machine.target().lanes
     x = np.random.default_rng(3).uniform(0.1, 9.0, (width, 3))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.codegen import kernels, schedule
+from bellcrank.codegen import kernels, llvm_ir
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
 from bellcrank.codegen.expression_graph import graph_of
@@ -72,7 +72,7 @@ def straight_and_rolled(monkeypatch):
     def both(name, function):
         made = []
         for least in (10**9, 0):
-            monkeypatch.setattr(schedule, "ROLLED", least)
+            monkeypatch.setattr(llvm_ir, "ROLLED", least)
             code = compiled(name, ("rolled", str(least)), lambda: function)
             for kind in ("scalar", "batch", "lanes"):
                 code.address(kind)
@@ -105,7 +105,7 @@ def test_loops_give_the_same_bits_as_straight_code(seed, target, monkeypatch, st
 def test_unoptimised_loops_give_the_same_bits(seed, monkeypatch):
     from bellcrank._step import evaluate
 
-    monkeypatch.setattr(schedule, "ROLLED", 0)
+    monkeypatch.setattr(llvm_ir, "ROLLED", 0)
     graph = graph_of(recursion(seed).serialize().encode("latin-1"))
     chosen = machine.target()
     ir = kernels.KINDS["scalar"](graph, chosen.lanes, chosen.fused)

@@ -100,7 +100,7 @@ LEAST_FACTOR, MOST_FACTOR, MOST_STEPS = 2**0.25, 2.0, 32  # from one tolerance t
 STEP_TIME = 0.2  # approximate time for a tolerance, relative to the one before
 MOST_BYTES = 200 * 2**20  # of one file
 MODULES = (  # on which the cached meshes depend
-    "meshes", "mesh_files", "mesh_limits", "stl_obj_files", "collada_files", "colours", "mesh_simplification",
+    "meshes", "mesh_limits", "stl_obj_files", "collada_files", "colours", "mesh_simplification",
 )  # fmt: skip
 
 
