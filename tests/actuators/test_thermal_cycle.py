@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from thermal_reference import ALPHA, cycle_matrix, integrated, model
 
-from bellcrank.actuators.merged_heat import HOTTEST, merged, merged_temperatures
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
 from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
 from bellcrank.actuators.thermal_path import CyclePath
-from bellcrank.errors import InputError
 
 
 def cycle(durations: Any, copper: Any, friction: Any = 0.0) -> HeatCycle:
@@ -263,60 +261,6 @@ def test_a_limit_that_is_reached_after_many_cycles() -> None:
     found = float(time_to_limit(thermal, heat, limit)[0])
     smooth = float(time_to_limit(thermal, cycle([1.0], [mean]), limit)[0])
     assert found / 0.01 > 1e6 and found == pytest.approx(smooth, rel=1e-3)
-
-
-# ---- merged intervals
-
-
-def test_merged_intervals_last_as_asked_and_keep_the_energy() -> None:
-    heat = cycle([0.1] * 7 + [2.0, 0.1], [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]], 1.0)
-    short, copper, friction = merged(heat, 0.35)
-    assert short.duration == pytest.approx([0.3, 0.3, 0.1, 2.0, 0.1])
-    assert short.copper_loss[0] == pytest.approx([2.0, 5.0, 7.0, 8.0, 9.0])
-    assert copper == pytest.approx([0.1]) and friction == pytest.approx([0.0], abs=1e-12)
-    same, copper, _ = merged(heat, 0.05)
-    assert same.duration == pytest.approx(heat.duration) and copper == pytest.approx([0.0], abs=1e-12)
-    zeros = cycle([0.0, 0.0, 1.0], [[5.0, 6.0, 7.0]])
-    assert float((merged(zeros, 0.5)[0].copper_loss * merged(zeros, 0.5)[0].duration).sum()) == pytest.approx(7.0)
-    with pytest.raises(InputError, match="argument 'longest'"):
-        merged(heat, 0.0)
-
-
-@pytest.mark.tier2
-@settings(deadline=None)
-@given(settling(), st.integers(0, 2**32 - 1), st.floats(-2.0, 0.5))
-def test_the_error_of_merged_intervals_is_within_its_bound(
-    drawn: tuple[ThermalModel, HeatCycle], seed: int, longest: float
-) -> None:
-    thermal, heat = drawn
-    rng = np.random.default_rng(seed)
-    fine = heat.divided(20)
-    spread = rng.uniform(0.0, 2.0, fine.copper_loss.shape)
-    fine = HeatCycle(
-        duration=fine.duration, copper_loss=fine.copper_loss * spread, friction_loss=fine.friction_loss * spread
-    )
-    exact = periodic_temperatures(thermal, fine)
-    time_constant = float(thermal.winding_capacity[0] * thermal.winding_resistance[0])
-    found, bound = merged_temperatures(thermal, fine, time_constant * 10.0**longest)
-    assume(exact.winding_peak[0] < HOTTEST and np.isfinite(bound[0]))
-    assert abs(found.winding_peak[0] - exact.winding_peak[0]) <= bound[0] + 1e-9
-    assert abs(found.housing_peak[0] - exact.housing_peak[0]) <= bound[0] + 1e-9
-
-
-def test_the_bound_of_merged_intervals_is_small_where_they_are_short() -> None:
-    """A hundredth of the winding's time constant: hundredths of a kelvin, with an eighth of the intervals."""
-    rng = np.random.default_rng(5)
-    thermal = model((5.568, 108.036), (0.74, 8.96), count=50)
-    heat = cycle(np.full(400, 0.005), rng.uniform(0.0, 20.0, (50, 400)), 1.0)
-    exact = periodic_temperatures(thermal, heat)
-    found, bound = merged_temperatures(thermal, heat, 0.04)
-    assert len(merged(heat, 0.04)[0].duration) == 50
-    error = np.abs(found.winding_peak - exact.winding_peak)
-    assert (error <= bound).all() and error.max() < 0.05 and bound.max() < 1.0
-    unknown = merged_temperatures(model((math.nan, 108.0), (0.74, 8.96)), cycle([0.1, 0.1], [[1.0, 2.0]]), 1.0)
-    assert np.isnan(unknown[0].winding_peak).all() and np.isnan(unknown[1]).all()
-    runaway = merged_temperatures(model((5.0, 108.0), (0.74, 8.96)), cycle([0.1, 0.1], [[90.0, 2.0]]), 1.0)
-    assert np.isinf(runaway[1]).all()
 
 
 def test_the_map_of_two_cycles_is_the_map_twice() -> None:

@@ -209,7 +209,7 @@ def _check_frames(robot: Any, frames: list[str]) -> None:
 def simulation_progress(duration: float) -> Iterator[Callable[[float], None]]:
     """A progress bar over the simulated time, shown after a second; yields a function to call with the time, s."""
     layout = "{l_bar}{bar}| {n:.5g}/{total:g} s simulated [{elapsed}<{remaining}]"
-    with bars()(total=duration, desc="simulate", delay=1.0, disable=None, bar_format=layout) as bar:
+    with bars()(total=duration, desc="simulate", bar_format=layout) as bar:
 
         def progress(time: float) -> None:
             bar.update(min(time, duration) - bar.n)
@@ -220,9 +220,7 @@ def simulation_progress(duration: float) -> Iterator[Callable[[float], None]]:
 @contextmanager
 def _row_bar(rows: int) -> Iterator[Callable[[int], None]]:
     """A progress bar over written rows, shown after a second; yields a function to call with their number."""
-    from tqdm import tqdm
-
-    with tqdm(total=rows, desc="run.csv", unit=" rows", unit_scale=True, delay=1.0, disable=None) as bar:
+    with bars()(total=rows, desc="run.csv", unit=" rows", unit_scale=True) as bar:
 
         def progress(done: int) -> None:
             bar.update(done - bar.n)

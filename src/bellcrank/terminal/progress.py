@@ -10,18 +10,28 @@ from bellcrank.errors import InputError
 
 
 def bars() -> Any:
-    """The class of progress bars. Raises InputError for an invalid environment variable TQDM_…."""
+    """The class of progress bars. Raises InputError for an invalid environment variable TQDM_….
+
+    They have no monitor: a thread that outlives them, and beside which `plot_style` draws in no second process.
+    """
     try:
         from tqdm import tqdm
     except (TypeError, ValueError) as error:
         raise InputError(f"environment variable TQDM_…: {error}; unset it") from None
-    return tqdm
+
+    class Bar(tqdm):  # type: ignore[type-arg]
+        monitor_interval = 0
+
+        def __init__(self, *of: Any, **options: Any) -> None:
+            super().__init__(*of, **{"delay": 1.0, "disable": None, "miniters": 0, **options})  # of 0 needs no monitor
+
+    return Bar
 
 
 @contextmanager
 def counting(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar that counts; yields a function of the number done and the total."""
-    with bars()(desc=title, unit=unit, delay=1.0, disable=None) as bar:
+    with bars()(desc=title, unit=unit) as bar:
 
         def progress(done: int, of: int) -> None:
             bar.total = of
@@ -34,7 +44,7 @@ def counting(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def share_bar(what: str) -> Iterator[Callable[[float], None]]:
     """A progress bar without a count; yields a function of the share done, 0 to 1."""
     layout = "{l_bar}{bar}| [{elapsed}]"
-    with bars()(total=1.0, desc=what, delay=1.0, disable=None, bar_format=layout, position=0, leave=False) as bar:
+    with bars()(total=1.0, desc=what, bar_format=layout, position=0, leave=False) as bar:
 
         def progress(share: float) -> None:
             bar.update(max(min(share, 1.0) - bar.n, 0.0))

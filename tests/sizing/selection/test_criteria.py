@@ -100,8 +100,11 @@ def test_verdicts_are_those_of_the_sources_at_the_limits_too() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("missing", [0.0, 0.1])
-def test_judgement_agrees_with_each_criterion_for_itself(seed: int, missing: float) -> None:
+def test_judgement_agrees_with_each_criterion_for_itself(
+    seed: int, missing: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Many more pairs than `FEW`, so that extreme points and bounds are used; one pair at a time uses all samples.
+    monkeypatch.setattr("bellcrank.sizing.selection.shaft_loads.FEW", 20)
     pairs = Pairs.possible(random_motors(40, seed, missing), random_gears(25, seed, missing))
     axes, cycles = random_cycles(1, seed, samples=200, parts=3)
     (loads,) = reduce_loads(axes, cycles)

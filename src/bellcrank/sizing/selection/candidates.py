@@ -14,20 +14,18 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
-from bellcrank.sizing.selection.criteria import CriterionResult, exceeds
+from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.joint_problem import Masses, best_pairs
 from bellcrank.sizing.selection.judge import (
     CRITERIA,
-    EXCEEDED,
-    INSIDE,
     NOT_EVALUATED,
-    NOTE,
     NOTES,
     TIERS,
     UNKNOWN,
     Judgement,
     Tier,
     judge,
+    verdicts,
 )
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes, without_unknown_masses
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
@@ -169,11 +167,7 @@ def completed(judgement: Judgement) -> Judgement:
         rest = np.flatnonzero(verdict[row] == NOT_EVALUATED)
         if len(rest):
             pairs = judgement.pairs.take(rest)
-            found = criterion.use(pairs, judgement.loads, judgement.conditions)
-            judged = criterion.applies(pairs, judgement.loads.axis, judgement.conditions)
-            use[row, rest] = np.where(judged, found, np.nan)
-            inside = np.where(np.isnan(found), UNKNOWN, np.where(exceeds(found), EXCEEDED, INSIDE))
-            verdict[row, rest] = np.where(judged, inside, NOTE)
+            use[row, rest], verdict[row, rest] = verdicts(criterion, pairs, judgement.loads, judgement.conditions)
     return replace(judgement, use=use, verdict=verdict)
 
 

@@ -235,9 +235,23 @@ class LimitCriterion(Criterion):
         """The limit (m,); NaN where unknown."""
         return self._largest(pairs, (self.stated,))
 
-    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array | None:
-        """A load (m,) that an unknown one is not below: it shows a failure."""
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle, over: Array | None = None) -> Array | None:
+        """A load (m,) that an unknown one is not below: it shows a failure; any lower load where it is not over one."""
         return None
+
+    def most_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array | None:
+        """A load (m,) that costs little, which the load is not above: it shows a pass."""
+        return None
+
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+        """By `most_demand`."""
+        most = self.most_demand(pairs, cycle)
+        if most is None:
+            return super().cycle_below(pairs, cycle, conditions, level)
+        limit, bound = self.limit(pairs, cycle, conditions), self.at_least(pairs, cycle)
+        if bound is not None:
+            limit = np.where(np.isnan(limit), bound[0], limit)
+        return np.asarray(most <= level * limit)
 
     def at_least(self, pairs: Pairs, cycle: ReducedCycle) -> tuple[Array, str] | None:
         """A figure (m,) that the limit is not below, with its name: it shows a pass where the limit is unknown."""
@@ -266,12 +280,14 @@ class LimitCriterion(Criterion):
         if type(self).least_demand is LimitCriterion.least_demand:  # there is no such bound
             return use
         rows = np.nonzero(np.isnan(demand))[0]
-        part = pairs.take(rows)
-        least = self.least_demand(part, cycle) if len(rows) else None
-        if least is not None:
+        if len(rows):
+            part = pairs.take(rows)
             most = self.at_most(part, cycle)
-            instead = share(least, limit[rows] if most is None else np.fmin(limit[rows], most[0]))
-            use[rows] = np.where(exceeds(instead), instead, use[rows])
+            highest = limit[rows] if most is None else np.fmin(limit[rows], most[0])
+            least = self.least_demand(part, cycle, highest)
+            if least is not None:
+                instead = share(least, highest)
+                use[rows] = np.where(exceeds(instead), instead, use[rows])
         return use
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:

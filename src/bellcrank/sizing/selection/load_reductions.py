@@ -156,6 +156,12 @@ class ReducedCycle:
         return np.concatenate([np.where(self.speed[:, None] < 0.0, -self.features, self.features), -at_rest])
 
     @cached_property
+    def corners(self) -> Array:
+        """The largest size of each feature at once, (g, 5), of samples where the motor drives and of the others."""
+        sizes, driven = np.abs(self.features), self.features[:, DRIVEN] != 0.0
+        return np.stack([group.max(axis=0) for group in (sizes[~driven], sizes[driven]) if len(group)])
+
+    @cached_property
     def hull(self) -> Array:
         """Those of the forward features (h, 5) that are extreme points of (τ, q̈, q̇), in each group of samples."""
         rest, driven = self.forward[:, DIRECTION] == 0.0, self.forward[:, DRIVEN] != 0.0

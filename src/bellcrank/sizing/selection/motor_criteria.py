@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import reduce
 
 import numpy as np
@@ -29,11 +30,12 @@ from bellcrank.sizing.selection.criteria import (
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
-    bound_of_electrical_torque,
     electrical_coefficients,
     largest,
     largest_shaft_torque,
     least_coefficients,
+    most_shaft_torque,
+    not_above,
     rms_shaft_torque,
     root_mean_square,
     shaft_coefficients,
@@ -87,7 +89,7 @@ class ContinuousTorqueCriterion(LimitCriterion):
         """RMS of the shaft torque."""
         return rms_shaft_torque(pairs, cycle)
 
-    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle, over: Array | None = None) -> Array:
         """RMS of the bound of the shaft torque in `shaft_loads.least_coefficients`."""
         return root_mean_square(least_coefficients(pairs, cycle, electrical=False), cycle.aligned)
 
@@ -131,12 +133,17 @@ class PeakTorque(LimitCriterion):
         return np.asarray(~np.isnan(stated) | np.isnan(current))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        """Largest shaft torque."""
-        return largest_shaft_torque(pairs, cycle)
+        """Largest shaft torque; a bound where no limit is known."""
+        limits = np.fmax(pairs.of_motor("peak_torque"), pairs.of_motor("nominal_torque"))
+        return largest_shaft_torque(pairs, cycle, np.where(np.isnan(limits), np.inf, -np.inf))
 
-    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle, over: Array | None = None) -> Array:
         """Largest bound of the shaft torque in `shaft_loads.least_coefficients`."""
-        return largest(least_coefficients(pairs, cycle, electrical=False), cycle.aligned)
+        return largest(least_coefficients(pairs, cycle, electrical=False), cycle.aligned, over)
+
+    def most_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+        """Bound of the shaft torque."""
+        return most_shaft_torque(pairs, cycle)
 
 
 class PeakCurrent(LimitCriterion):
@@ -159,13 +166,13 @@ class PeakCurrent(LimitCriterion):
         """Largest electrical torque."""
         return largest(electrical_coefficients(pairs, cycle), cycle)
 
-    def least_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+    def least_demand(self, pairs: Pairs, cycle: ReducedCycle, over: Array | None = None) -> Array:
         """Largest bound of the electrical torque in `shaft_loads.least_coefficients`."""
-        return largest(least_coefficients(pairs, cycle, electrical=True), cycle.aligned)
+        return largest(least_coefficients(pairs, cycle, electrical=True), cycle.aligned, over)
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
-        """By the largest shaft torque and the largest friction at once."""
-        return bound_of_electrical_torque(pairs, cycle) <= level * pairs.of_motor("peak_electrical_torque")
+    def most_demand(self, pairs: Pairs, cycle: ReducedCycle) -> Array:
+        """Bound of the electrical torque."""
+        return not_above(electrical_coefficients(pairs, cycle), cycle)
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """The load and its limit, or that none is stated."""
@@ -207,31 +214,28 @@ class VoltageLimit(Criterion):
             if limit.name == "voltage limit":
                 torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
                 factors = torque[:, None] * least_coefficients(pairs, cycle, electrical=limit.basis == "electrical")
-                found = np.fmax(found, largest(factors + speed_coefficients(pairs, speed), cycle.aligned))
+                factors += speed_coefficients(pairs, speed)
+                found = np.fmax(found, largest(factors, cycle.aligned, over=1.0))
         return found
 
     def _known_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
-        uses = []
-        for limit in pairs.products.short_time_limits(conditions):
-            if limit.name == "voltage limit":
-                torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
-                if np.isnan(torque).all():
-                    continue
-                of = shaft_coefficients if limit.basis == "shaft" else electrical_coefficients
-                factors = torque[:, None] * of(pairs, cycle) + speed_coefficients(pairs, speed)
-                uses.append(np.where(np.isnan(torque), np.nan, largest(factors, cycle)))
+        uses = (largest(factors, cycle) for factors in self._factors(pairs, cycle, conditions))
         return reduce(np.fmax, uses, np.full(len(pairs), np.nan))
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the largest torque and the largest speed at once."""
-        fastest = pairs.of_gear("ratio") * cycle.max_speed
         shown = np.zeros(len(pairs), dtype=bool)
-        for limit in pairs.products.short_time_limits(conditions):
-            if limit.name == "voltage limit":
-                of = largest_shaft_torque if limit.basis == "shaft" else bound_of_electrical_torque
-                bound = limit.torque[pairs.motor] * of(pairs, cycle) + limit.speed[pairs.motor] * fastest
-                shown |= bound <= level
+        for factors in self._factors(pairs, cycle, conditions):
+            shown |= not_above(factors, cycle) <= level
         return shown
+
+    def _factors(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Iterator[Array]:
+        """Factors (m, 5) of the cycle's features whose sum is the use, of each line that any motor has."""
+        for limit in pairs.products.short_time_limits(conditions):
+            torque, speed = limit.torque[pairs.motor], limit.speed[pairs.motor]
+            if limit.name == "voltage limit" and not np.isnan(torque).all():
+                of = shaft_coefficients if limit.basis == "shaft" else electrical_coefficients
+                yield torque[:, None] * of(pairs, cycle) + speed_coefficients(pairs, speed)
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """Share of the voltage, its line's origin and the voltage."""

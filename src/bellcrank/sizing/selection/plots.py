@@ -86,7 +86,7 @@ def utilisation_figure(selection: Selection) -> Figure:
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
     for axis, (title, results) in zip(axes, panels, strict=True):
         _bars(axis, results)
-        axis.set_title(literal(title, 100), fontsize="medium", loc="left")
+        axis.set_title(literal(title, 100), fontsize="medium", loc="left", y=1.0)  # without y all labels are measured
     axes[-1].set_xlabel("utilisation: 100 % is the limit")
     axes[-1].xaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     top = heading(figure, f"{selection.robot}: utilisation of the chosen motors and gears")

@@ -11,7 +11,7 @@ from bellcrank.sizing.selection.pairs import Pairs
 
 Array = NDArray[np.float64]
 BLOCK = 2**16  # values at once: they stay in the processor's cache
-FEW = 200  # pairs: for so few of them all samples cost less than finding the extreme points
+FEW = 1000  # pairs: for so few of them all samples cost less (1 ms) than finding the extreme points (10 ms)
 
 
 def shaft_coefficients(pairs: Pairs, cycle: ReducedCycle) -> Array:
@@ -67,29 +67,44 @@ def speed_coefficients(pairs: Pairs, per_speed: Array | float = 1.0) -> Array:
     return floats(np.eye(5)[SPEED] * (pairs.of_gear("ratio") * per_speed)[:, None])
 
 
-def largest(factors: Array, cycle: ReducedCycle) -> Array:
-    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5) >= 0; NaN where one is NaN."""
-    if len(factors) <= FEW:
+def largest(factors: Array, cycle: ReducedCycle, over: Array | float | None = None) -> Array:
+    """The largest |c · x| (m,) over all samples x of the cycle, of factors c (m, 5) >= 0; NaN where one is NaN.
+
+    Where `not_above` shows that it is not over a level (m,), if one is given, its bound may stand in for it.
+    """
+    if len(factors) == 1 or (over is None and len(factors) <= FEW):
         return _largest(np.abs, factors, cycle.forward)
+    found = not_above(factors, cycle)
+    rows = np.nonzero(~np.isnan(found) if over is None else found > over)[0]
+    if len(rows) <= FEW:
+        found[rows] = _largest(np.abs, factors[rows], cycle.forward)
+        return found
+    factors = factors[rows]
     most = _largest(None, factors, cycle.extremes(1, 1))
-    return np.maximum(most, _largest(None, -factors, cycle.extremes(-1, -1)))
+    found[rows] = np.maximum(most, _largest(None, -factors, cycle.extremes(-1, -1)))
+    return found
 
 
-def largest_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
-    """The largest |T| (m,) at each pair's shaft, N m."""
+def not_above(factors: Array, cycle: ReducedCycle) -> Array:
+    """What `largest` does not exceed (m,), at little cost: all features have their largest size at once."""
+    return np.asarray(np.max([factors @ corner for corner in cycle.corners], axis=0))
+
+
+def largest_shaft_torque(pairs: Pairs, cycle: ReducedCycle, over: Array | None = None) -> Array:
+    """The largest |T| (m,) at each pair's shaft, N m; a bound of it may stand in where it is not over a level (m,)."""
+    if over is not None and len(pairs) > 1:
+        return largest(shaft_coefficients(pairs, cycle), cycle, over)
     return pairs.once(("largest shaft torque", cycle), lambda: largest(shaft_coefficients(pairs, cycle), cycle))
+
+
+def most_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """What the largest |T| is not above (m,), N m; see `not_above`."""
+    return pairs.once(("most shaft torque", cycle), lambda: not_above(shaft_coefficients(pairs, cycle), cycle))
 
 
 def rms_shaft_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
     """The root mean square (m,) of T at each pair's shaft, N m."""
     return pairs.once(("RMS shaft torque", cycle), lambda: root_mean_square(shaft_coefficients(pairs, cycle), cycle))
-
-
-def bound_of_electrical_torque(pairs: Pairs, cycle: ReducedCycle) -> Array:
-    """A bound (m,) of |T_e|, N m: the largest shaft torque and the friction at the largest speed, at once."""
-    fastest = pairs.of_gear("ratio") * cycle.max_speed
-    friction = pairs.of_motor("coulomb_torque") + pairs.of_motor("viscous_coefficient") * fastest
-    return largest_shaft_torque(pairs, cycle) + cycle.safety_factor * friction
 
 
 def largest_signed(torque: Array, speed: Array, cycle: ReducedCycle) -> Array:

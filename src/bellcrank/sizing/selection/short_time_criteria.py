@@ -24,6 +24,7 @@ from bellcrank.sizing.selection.shaft_loads import (
     largest_shaft_torque,
     largest_signed,
     least_coefficients,
+    most_shaft_torque,
     shaft_coefficients,
     speed_coefficients,
 )
@@ -76,7 +77,7 @@ class PeakCurve(Criterion):
         """By the largest torque and the largest speed at once, where the region is convex."""
         sides = convex_sides(pairs.products.peak_curves(conditions))
         speed = (pairs.of_gear("ratio") * cycle.max_speed)[:, None] * np.maximum(sides.speed[pairs.motor], 0.0)
-        bound = sides.torque[pairs.motor] * largest_shaft_torque(pairs, cycle)[:, None] + speed
+        bound = sides.torque[pairs.motor] * most_shaft_torque(pairs, cycle)[:, None] + speed
         return np.asarray(sides.convex[pairs.motor] & (bound <= level[:, None]).all(axis=1))
 
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
@@ -161,9 +162,9 @@ class PeakDuration(Criterion):
 
     def cycle_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Longest time over the permitted one."""
-        use = self.reduced_use(pairs, cycle, conditions)
-        peak = largest_shaft_torque(pairs, cycle)
         least, most = _continuous_range(pairs, cycle, conditions)
+        peak = largest_shaft_torque(pairs, cycle, least)
+        use = np.where(peak <= least, 0.0, np.nan)
         unknown = np.isnan(peak) | (np.isnan(pairs.of_motor("peak_time")) & ~(peak <= most))
         above = np.nonzero(~(peak <= least) & ~unknown)[0]
         step = max(1, BLOCK // len(cycle.torque))
@@ -178,15 +179,16 @@ class PeakDuration(Criterion):
     def reduced_use(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """0 where the largest torque is not above the least continuous torque."""
         least, _ = _continuous_range(pairs, cycle, conditions)
-        return np.where(largest_shaft_torque(pairs, cycle) <= least, 0.0, np.nan)
+        return np.where(largest_shaft_torque(pairs, cycle, least) <= least, 0.0, np.nan)
 
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By blocks of samples: one counts where its largest torques and acceleration exceed the least S1 torque."""
         least, _ = _continuous_range(pairs, cycle, conditions)
-        shown = largest_shaft_torque(pairs, cycle) <= least
+        most = most_shaft_torque(pairs, cycle)
+        shown = most <= least
         permitted = level * pairs.of_motor("peak_time")
         maxima, weight, interval = cycle.blocks
-        rest = np.nonzero(~shown & (permitted > 0.0))[0]
+        rest = np.nonzero((most > least) & (permitted > 0.0))[0]
         step = max(1, BLOCK // len(weight))
         for start in range(0, len(rest), step):
             rows = rest[start : start + step]

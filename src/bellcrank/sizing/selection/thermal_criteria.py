@@ -56,7 +56,8 @@ class Temperature(Criterion):
     def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
         """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
         shown = np.zeros(len(pairs), dtype=bool)
-        known = np.nonzero(~np.isnan(pairs.of_motor("max_winding_temperature") + self.limit(pairs)))[0]
+        limits = pairs.of_motor("max_winding_temperature") + self.limit(pairs)
+        known = np.nonzero(~np.isnan(limits + _needed(pairs, cycle)))[0]
         if len(known):
             shown[known] = self._below(pairs.take(known), cycle, conditions, level[known])
         return shown
@@ -172,14 +173,18 @@ def peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions)
     The bounds are the steady state under the largest losses of any interval. Infinite on thermal runaway, NaN unknown.
     """
     found = np.full((len(pairs), 4), np.nan)
-    resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
-    factors = electrical_coefficients(pairs, cycle).sum(axis=1) + loss_per_squared_torque(pairs.motors)
-    known = np.nonzero(~np.isnan(resistances + factors))[0]
+    known = np.nonzero(~np.isnan(_needed(pairs, cycle)))[0]
     step = max(1, MOST_VALUES // len(cycle.interval_order))
     for start in range(0, len(known), step):
         rows = known[start : start + step]
         found[rows] = _peak_temperatures(pairs.take(rows), cycle, conditions)
     return found
+
+
+def _needed(pairs: Pairs, cycle: ReducedCycle) -> Array:
+    """A sum (m,) that is NaN where a figure is unknown that every temperature needs."""
+    resistances = pairs.of_motor("resistance_winding_housing") + pairs.of_motor("resistance_housing_ambient")
+    return resistances + loss_per_squared_torque(pairs.motors) + electrical_coefficients(pairs, cycle) @ np.ones(5)
 
 
 def _peak_temperatures(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
