@@ -161,7 +161,7 @@ def syntax_tree(text: str) -> ast.Expression:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         place = getattr(error, "offset", None)
         where = f" at character {place}" if place else ""
-        why = getattr(error, "msg", None) or (error.reason if isinstance(error, UnicodeError) else error)
+        why = getattr(error, "msg", None) or (error.reason if isinstance(error, UnicodeEncodeError) else error)
         raise InputError(f"'{_short(text)}' is not an expression: {why}{where}") from None
 
 
