@@ -93,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
     add_limit(parser, "a limit that the chosen drives must keep when they are simulated along the motions")
     add_conditions(parser)
-    add_set(parser, "payloads.1.mass='5 kg'")
+    add_set(parser, "payloads.1.mass='5 kg' or motions.NAME.speed_factor=1.2")
     parser.add_argument(
         "--no-feedback",
         action="store_true",
