@@ -22,7 +22,7 @@ def test_commands_have_the_names_of_python_too(capsys, alias, name):
 def test_select_lists_its_main_options_and_all_with_help_all(capsys):
     short, whole = (printed(capsys, "select", option) for option in ("--help", "--help-all"))
     options = [{line.split()[0] for line in text.splitlines() if line.startswith("  -")} for text in (short, whole)]
-    assert len(options[0]) == 12 and options[0] < options[1] and len(options[1]) > 35
+    assert len(options[0]) == 13 and options[0] < options[1] and len(options[1]) > 35
     assert "--altitude" in options[1] - options[0]
 
 

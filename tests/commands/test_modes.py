@@ -1,6 +1,7 @@
 """`bellcrank modes`: what it prints and writes, its exit codes, and the page."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from scipy.io import loadmat
 
 from bellcrank.cli import main
 from tests.support.benchmark_bicycle import REAR_RADIUS, published_eigenvalues, write_bicycle
+
+pytest_plugins = ("browser",)
 
 
 def run(capsys, *arguments):
@@ -38,7 +41,16 @@ def test_a_stable_scene_with_root_loci(tmp_path, capsys):
 
 def test_an_unstable_scene_exits_with_1(tmp_path, capsys):
     code, text, _ = run(capsys, "pendulum", "--set", "initial.swing=179 deg", "--out", tmp_path, "--no-page")
-    assert code == 1 and "unstable: a mode grows" in text and not (tmp_path / "modes.html").exists()
+    assert code == 1 and re.search(r"unstable: mode \d grows", text) and not (tmp_path / "modes.html").exists()
+
+
+@pytest.mark.tier2
+def test_the_modes_that_grow_are_named_and_the_page_fits_a_phone(tmp_path, capsys, open_page):
+    code, text, _ = run(capsys, "furuta", "--out", tmp_path)
+    assert code == 1 and "unstable: modes 1, 2 grow" in text
+    page = open_page(tmp_path / "modes.html", size=(390, 844))
+    assert page.clean and "2 of 4 modes grow" in page.tab.locator(".verdict").inner_text()
+    assert page.do("document.documentElement.scrollWidth") <= 390
 
 
 def test_a_moment_of_a_motion_exits_with_1(tmp_path, capsys):

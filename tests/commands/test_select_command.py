@@ -49,6 +49,11 @@ def test_the_main_job_end_to_end(own: str, tmp_path: Path, capsys: pytest.Captur
     assert document["axes"][0]["chosen"] == "large+g50" and document["conditions"]["life"] == 5000.0
     assert main(["size", str(card), "--no-plots", "--out", str(tmp_path / "sized")]) == 0
     assert "inside" in capsys.readouterr().out
+    # the written file over the selection: the same motors and gears, so that no row of the choice differs
+    assert main(["select", "geared_pendulum", *given, "--out", str(out), "--page", "--over", str(card)]) == 0
+    both = (out / "report.html").read_text()
+    choice = both.partition("<h2>The choice</h2>")[2].partition("</table>")[0]
+    assert "<title>geared_pendulum and chosen</title>" in both and "large" in choice and "<mark>" not in choice
     # written again without pictures: those of the first time are removed
     assert main(["select", "geared_pendulum", *given, "--out", str(out), "--no-plots"]) == 0
     assert {path.name for path in out.iterdir()} == {"selection.csv", "selection.json"}
@@ -106,6 +111,8 @@ def test_a_pair_that_is_kept_and_fails_is_exit_1(own: str, tmp_path: Path, capsy
         (["--assume", "gear.efficiency=0.7", "--assume", "gear.efficiency=0.8"], "given twice"),
         (["--top", "0"], "--top '0'"),
         (["--payload", "2"], "expected MASS@FRAME"),
+        (["--over", "geared_pendulum"], "--over: selections are compared in a page; add --page"),
+        (["--page", "--over", "planar_2r"], "names motors and gears of a catalogue"),
         (["--write-config", "x.txt"], "expected the name of a YAML file"),
     ],
 )

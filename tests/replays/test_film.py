@@ -13,6 +13,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.hermite import smooth_between
 from bellcrank.motion.quaternions import from_matrices, make_continuous, multiply, rotate
 from bellcrank.motion.resampling import extreme_rows
+from bellcrank.replays.film.arrow_scale import arrow_scales
 from bellcrank.replays.film.arrows import RunFrames, run_arrows
 from bellcrank.replays.film.camera import ASPECT, HALF_VIEW, CameraScene, choose_camera, fit_camera, motion_plane_normal
 from bellcrank.replays.film.decimation import frame_rows, interpolation_error, line_rows
@@ -21,7 +22,7 @@ from bellcrank.replays.film.motion_film import GAP, film_of_motion
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
 from bellcrank.replays.film.sizing_film import film_of_sizing
-from bellcrank.replays.geometry.shapes import Body, Shape, bounding_boxes, world_corners
+from bellcrank.replays.geometry.shapes import Body, Mesh, Shape, bounding_boxes, outlines, world_corners
 from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.simulation.status import Status
 
@@ -569,6 +570,51 @@ def test_quaternions_give_their_matrices_back_and_continue():
     angle = np.linspace(0.0, 40.0, 400)
     spin = np.stack([0 * angle, np.sin(angle / 2), 0 * angle, np.cos(angle / 2)], axis=1)[:, None]
     assert np.sum(np.diff(make_continuous(from_matrices(rotation(spin))), axis=0) ** 2, axis=2).max() < 0.01
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "sphere", "mesh"])
+def test_an_outline_is_on_the_surface_and_reaches_as_far_as_the_shape_to_6_percent(kind):
+    rng = np.random.default_rng(4)
+    vertices = rng.normal(size=(500, 3)).astype(np.float32) * np.float32([1.0, 2.0, 0.5])
+    size, half, reach = {  # half the extents, and how far the shape reaches in a direction
+        "box": ((2.0, 0.2, 0.4), (1.0, 0.1, 0.2), lambda way: np.abs(way) @ [1.0, 0.1, 0.2]),
+        "cylinder": ((0.3, 1.1), (0.3, 0.3, 0.55), lambda way: 0.3 * np.hypot(*way[:2]) + 0.55 * abs(way[2])),
+        "sphere": ((0.7,), (0.7, 0.7, 0.7), lambda way: 0.7),
+        "mesh": ((1.0, 1.0, 1.0), np.abs(vertices).max(axis=0), lambda way: (vertices @ way).max()),
+    }[kind]
+    pose, mesh = (1.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.8), Mesh(vertices, np.zeros((0, 3), np.int32))
+    shape = Shape(kind=kind, size=size, colour=(1,) * 4, pose=pose, mesh=mesh if kind == "mesh" else None)
+    (points,) = outlines([Body("b", (shape,))])
+    local = rotate(np.array([0.0, 0.0, -0.6, 0.8]), points - [1.0, 0.0, 0.0])
+    for way in rng.normal(size=(200, 3)):
+        way = way / np.linalg.norm(way)
+        found = (local @ way).max()
+        assert reach(way) - 0.06 * np.linalg.norm(way * half) <= found <= reach(way) * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("name", ["planar_2r", "runs", pytest.param("ur5", marks=pytest.mark.tier2)])
+def test_the_whole_motion_is_in_view_and_in_its_middle(name, sizing, four_bar, disk):
+    runs = name == "runs"
+    results = [four_bar, disk] if runs else [sizing if name == "planar_2r" else bc.size(name)]
+    for film in map(film_of_run if runs else film_of_sizing, results):
+        tips = []
+        for scale in arrow_scales(film):
+            for arrow in (film.arrows[k] for k in scale.arrows):
+                magnitudes = np.linalg.norm(arrow.vectors, axis=1)
+                unit = arrow.vectors / np.maximum(magnitudes, 1e-300)[:, None]
+                tips.append(arrow.points + unit * scale.lengths(magnitudes)[:, None])
+        ends = [part.ends.reshape(-1, 3) for part in (*film.springs, *film.rods)]
+        surfaces = world_corners(film.poses, outlines(film.bodies)).reshape(-1, 3)
+        points = np.concatenate([surfaces, *tips, *ends, *(trace.points for trace in film.traces)])
+        points = points[np.isfinite(points).all(axis=1)]
+        eye, target, up = (np.array(x) for x in (film.camera.position, film.camera.target, film.camera.up))
+        z = (eye - target) / np.linalg.norm(eye - target)
+        x = np.cross(up, z) / np.linalg.norm(np.cross(up, z))
+        seen = (points - eye) @ np.stack([x, np.cross(z, x), z], axis=1)
+        across = seen[:, :2] / -seen[:, 2:] / [HALF_VIEW * ASPECT, HALF_VIEW]
+        low, high = across.min(axis=0), across.max(axis=0)
+        assert low.min() > -1.0 and high.max() < 1.0
+        assert np.abs(low + high).max() < 0.12 and (high - low).max() > 1.6  # of 2, the height of the view
 
 
 def test_a_box_of_corners_holds_a_turned_shape():

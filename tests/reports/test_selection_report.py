@@ -571,3 +571,38 @@ def test_the_data_of_two_thousand_pairs_stays_small(chosen):
 def test_sample_has_a_pair_of_every_kind():
     assert {one.tier for one in candidates()} == {"all criteria shown", "passes what is known", "fails"}
     assert BARE.resistance is None and SILENT.efficiency is None and PLANET.efficiency_curve is not None
+
+
+# ---- two selections over each other
+
+
+@pytest.fixture(scope="module")
+def of_two(chosen, tmp_path_factory):
+    """The page of a selection and of another one, with a stronger motor at the shoulder and none at the elbow."""
+    shoulder, elbow = with_first(chosen, chosen=candidates()[1]).axes
+    other = dataclasses.replace(
+        chosen, robot=HOSTILE, axes=(shoulder, dataclasses.replace(elbow, chosen=None)), inputs=chosen.inputs
+    )
+    return report(chosen, tmp_path_factory.mktemp("two") / "two.html", over=other)
+
+
+@pytest.mark.tier2
+@pytest.mark.parametrize(("size", "scheme"), [((1280, 800), "light"), ((390, 844), "dark")])
+def test_two_selections_stand_side_by_side_for_each_joint(of_two, open_page, size, scheme):
+    page = open_page(of_two, size=size, color_scheme=scheme)
+    assert page.clean and page.do("window.hacked === undefined")
+    box = page.tab.locator("#comparison")
+    cells = "[...[...row.children].map((cell) => cell.textContent), row.querySelectorAll('mark').length]"
+    found = box.locator("tbody tr").evaluate_all(f"(rows) => rows.map((row) => {cells})")
+    rows = {name: tuple(others) for name, *others in found}
+    assert rows["mass"] == ("7.4 kg", "10.5 kg", 2) and rows["fit"] == ("fits", "fits", 0)
+    assert rows["voltage limit"] == ("62 %", "31 %", 2) and "inertia ratio" not in rows  # a note is not compared
+    assert box.locator(".plane").count() == 2
+    ticks = "[...plane.querySelectorAll('.tick')].map((each) => each.textContent)"
+    planes = box.locator(".plane").evaluate_all(f"(planes) => planes.map((plane) => {ticks})")
+    assert planes[0] == planes[1] and len(planes[0]) > 4  # the same axes
+    page.tab.get_by_role("tab", name="elbow").click()
+    assert "nothing fits" in box.locator("thead").inner_text() and box.locator(".plane").count() == 1
+    assert page.do("document.documentElement.scrollWidth") <= size[0] and page.clean
+    page.tab.emulate_media(media="print")
+    assert not box.is_visible() and page.tab.locator("#paper-pairs .plane").count() == 3

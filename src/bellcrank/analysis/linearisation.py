@@ -20,6 +20,7 @@ from bellcrank.notes import Note
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
+MOST_NAMED = 6  # modes that grow; of more, their count is given
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,7 +154,12 @@ class Linearisation:
         if self.stable:
             placed = not self.symmetries or self.symmetries_removed
             return "stable" if placed else "stable but for its place along its symmetries"
-        return "unstable: a mode grows"
+        growing = [number for number, mode in enumerate(self.modes, 1) if mode.eigenvalue.real > 0.0]
+        if len(growing) == 1:
+            return f"unstable: mode {growing[0]} grows"
+        if len(growing) > MOST_NAMED:
+            return f"unstable: {len(growing)} of {len(self.modes)} modes grow"
+        return f"unstable: modes {', '.join(map(str, growing))} grow"
 
     # ---- to read
 

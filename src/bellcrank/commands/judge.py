@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_conditions(parser)
     add_accept_unknown(parser)
     add_allow_massless(parser)
-    add_set(parser, "payloads.1.mass='5 kg'")
+    add_set(parser, "payloads.1.mass='5 kg' or motions.NAME.speed_factor=1.2")
     add_trust(parser)
     parser.add_argument(
         "--simulate",

@@ -219,8 +219,8 @@ def add_live(parser: argparse.ArgumentParser) -> None:
         action="store_const",
         const=True,
         dest="live",
-        help="the page computes: change payload, speed, ratio and friction of a sizing, parameters and start of a run "
-        "(default: where it adds less than 400 kB)",
+        help="the page computes: change payload, speed, ratio and friction of a sizing, motors and gears of a "
+        "selection (replay --select), parameters and start of a run (default: where it adds less than 400 kB)",
     )
     computes.add_argument("--static", action="store_const", const=False, dest="live", help="the page only replays")
 

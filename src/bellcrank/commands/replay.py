@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the replay. Exit code 0 or 1 as `verdict_of` says. Raises BellcrankError for invalid input."""
     from bellcrank.replays.page.page import NOTHING, write_page
-    from bellcrank.replays.replay import film_of, film_over, open_browser
+    from bellcrank.replays.replay import film_of, film_over, open_browser, told_apart
     from bellcrank.reports.report import compared_surroundings
 
     pictures = {kind: path for kind in PICTURES if (path := getattr(arguments, kind)) is not None}
@@ -77,8 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         other = compute_or_load(arguments)
         verdicts.append(verdict_of(other))
         second = film_of(other, trace=arguments.trace, detail=detail)
-        if film.title == second.title and stem(first) != stem(arguments.other):
-            film, second = replace(film, title=stem(first)), replace(second, title=stem(arguments.other))
+        film, second = told_apart(film, second, (stem(first), stem(arguments.other)))
         around = compared_surroundings((result, film), (other, second))
         film = film_over(film, second)
     with temporary_folder("replay") as folder:

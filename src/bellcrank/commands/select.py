@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.sizing.selection.selection import Selection
     from bellcrank.studies.design_selection import DesignSelection
 
 DESIGNS = ("designs.csv", "designs.json")
@@ -37,7 +39,7 @@ MOST_CANDIDATES = 1000
 
 MAIN_OPTIONS = (  # the others are listed by --help-all
     "--motion", "--catalogue", "--objective", "--keep", "--payload", "--voltage", "--safety-factor",
-    "--write-config", "--page", "--out",
+    "--write-config", "--page", "--over", "--out",
 )  # fmt: skip
 
 
@@ -91,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _repeated(parser, "--maker", "MAKER", "choose from the products of this maker only; may be repeated")
     add_limit(parser, "a limit that the chosen drives must keep when they are simulated along the motions")
     add_conditions(parser)
-    add_set(parser, "payloads.1.mass='5 kg'")
+    add_set(parser, "payloads.1.mass='5 kg' or motions.NAME.speed_factor=1.2")
     parser.add_argument(
         "--no-feedback",
         action="store_true",
@@ -105,6 +107,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write a robot configuration with the chosen motors and gears, which size, simulate and replay open",
     )
     add_page(parser, "the report of the selection", "report.html in DIR", "--report")
+    parser.add_argument(
+        "--over",
+        metavar="FILE",
+        help="compare in the page with the motors and gears that another robot configuration names, such as "
+        "--write-config writes, under its own conditions",
+    )
     add_accept_unknown(parser)
     add_allow_massless(parser)
     add_trust(parser)
@@ -192,6 +200,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.vary and limits:
         raise InputError("--limit: not with --vary; judge the best design with `bellcrank judge --simulate`")
     page = page_of(arguments, folder / REPORT)
+    if arguments.over is not None and page is None:
+        raise InputError("--over: selections are compared in a page; add --page")
     robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
     config = robot if isinstance(robot, RobotConfig) else robot.config
     if arguments.write_config is not None:
@@ -203,6 +213,7 @@ def run(arguments: argparse.Namespace) -> int:
         "conditions": given, "keep": kept, "feedback": not arguments.no_feedback, "candidates": count or 12,
         "payloads": payloads, "allow_massless": arguments.allow_massless,
     }  # fmt: skip
+    other = None if arguments.over is None else named_drives(arguments)
     designs = None
     try:
         if arguments.vary:
@@ -241,7 +252,7 @@ def run(arguments: argparse.Namespace) -> int:
         if page is not None:
             from bellcrank.reports.report import report
 
-            files.append(report(selection, page))
+            files.append(report(selection, page, over=other))
         list_files(files[1], RESULTS, [path.name for path in files if path.parent == folder])
     remove_stale(folder, earlier, files)
     if selection.verification is not None:
@@ -252,6 +263,41 @@ def run(arguments: argparse.Namespace) -> int:
     if designs is not None and not designs.complete:
         return 130
     return 0 if selection.verified or (arguments.accept_unknown and selection.inside) else 1
+
+
+def named_drives(arguments: argparse.Namespace) -> Selection:
+    """The motors and gears that the configuration of --over names, as a selection. Raises InputError."""
+    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.gear import DIRECT
+    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.sizing.selection.select import select
+
+    config = load_robot_config(arguments.over, trust=arguments.trust)
+    drives = {name: one for name, one in config.actuators.items() if not one.by_ratings}
+    motors = dict.fromkeys(one.motor for one in drives.values())
+    gears = dict.fromkeys(one.gear for one in drives.values() if one.gear.id != DIRECT.id)
+    kept = {
+        name: one.motor.id if one.motor.kind == "actuator" else f"{one.motor.id}+{one.gear.id}"
+        for name, one in drives.items()
+    }
+    selection = None
+    if drives:
+        selection = select(
+            config,
+            arguments.motion or None,
+            Catalogue(tuple(motors), tuple(gears)),
+            keep=kept,
+            feedback=not arguments.no_feedback,
+            allow_massless=arguments.allow_massless,
+        )
+    without = [] if selection is None else [one.axis.name for one in selection.axes if not one.kept]
+    if selection is None or without:
+        names = f"; it names none for {', '.join(without)}" if without else ""
+        raise InputError(
+            f"--over {arguments.over}: expected a robot configuration that names motors and gears of a catalogue, such "
+            f"as --write-config writes{names}"
+        )
+    return replace(selection, proof="every pair was given")
 
 
 def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict[str, Any]) -> DesignSelection:

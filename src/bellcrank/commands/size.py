@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size for the worst case in which mass and inertia of each link are off by one factor of up to this "
         "share, such as 10%%",
     )
-    add_set(parser, "payloads.1.mass='5 kg'")
+    add_set(parser, "payloads.1.mass='5 kg' or motions.NAME.speed_factor=1.2")
     add_page(parser, "the report of the sizing", "report.html in DIR")
     add_live(parser)
     add_accept_unknown(parser)

@@ -246,6 +246,13 @@ def film_over(film: Film, other: Film, title: str | None = None) -> Film:
     return both if title is None else replace(both, title=title)
 
 
+def told_apart(film: Film, other: Film, names: tuple[str, str]) -> tuple[Film, Film]:
+    """Two films of one title under these names, where the names differ; other films as they are."""
+    if film.title != other.title or names[0] == names[1]:
+        return film, other
+    return replace(film, title=names[0]), replace(other, title=names[1])
+
+
 def load_source(
     source: Any, caller: str = "replay", trust: Trust = (), name: str = "source"
 ) -> Trajectory | Motion | FastestMotion | Sizing | Selection:

@@ -11,10 +11,12 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from bellcrank.actuators.gear import DIRECT
 from bellcrank.codegen.llvm import processor
 from bellcrank.config.units import RPM
 from bellcrank.dynamics.mechanism import acts_on
 from bellcrank.reports.document import Table
+from bellcrank.reports.selection_data import origin
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -77,7 +79,7 @@ def joint_table(robot: Robot) -> Table:
 
 
 def actuator_table(actuators: Mapping[str, Actuator]) -> Table:
-    """The actuators' data; torques and inertias at the motor shaft, speeds in rpm."""
+    """The actuators' data; torques and inertias at the motor shaft, speeds in rpm; and where products are from."""
     header = (
         "joint", "ratio", "gear\nefficiency", "rated\n[N m]", "peak\n[N m]", "rated speed\n[rpm]",
         "largest speed\n[rpm]", "rotor inertia\n[kg m²]", "gear inertia\n[kg m²]", "safety\nfactor",
@@ -95,7 +97,9 @@ def actuator_table(actuators: Mapping[str, Actuator]) -> Table:
         )
         for name, one in actuators.items()
     )
-    return Table("Actuators", header, rows)
+    products = dict.fromkeys(part for one in actuators.values() for part in (one.motor, one.gear) if part.source)
+    sources = [f"{part.id}: {origin(part)}." for part in products if part.id != DIRECT.id]
+    return Table("Actuators", header, rows, " ".join(["Figures are from:", *sources] if sources else []))
 
 
 def _known(value: float | None) -> str:

@@ -14,7 +14,7 @@ from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
-from bellcrank.replays.replay import film_of, film_over, find_run, load_source, source_name
+from bellcrank.replays.replay import film_of, film_over, find_run, load_source, source_name, told_apart
 from bellcrank.reports.document_html import document_html
 from bellcrank.reports.study_data import View
 from bellcrank.sizing.result import Sizing
@@ -106,6 +106,7 @@ def report(
     target = f"{file_name(source_name(result))}_report.html" if path is None else path
     if other is not None:
         second = film_of(other, trace=trace, detail=detail, title=_title(other))
+        film, second = told_apart(film, second, (_file_of(result), _file_of(other)))
         around = compared_surroundings((result, film), (other, second))
         return write_page(film_over(film, second, title), target, around=around)
     if isinstance(result, Selection):
@@ -129,8 +130,15 @@ def compared_surroundings(
     from bellcrank.reports.compared_documents import compared_documents
 
     documents = (_document(*first, pictures=False), _document(*second, pictures=False))
-    before, after = document_html(compared_documents(*documents, names_of(first[1], second[1])))
-    return Surroundings(before=before, after=after)
+    names = names_of(first[1], second[1])
+    document = compared_documents(*documents, names)
+    one, other = first[0], second[0]
+    if not (isinstance(one, Selection) and isinstance(other, Selection)):
+        before, after = document_html(document)
+        return Surroundings(before=before, after=after)
+    from bellcrank.reports.selection_report import compared_selections
+
+    return compared_selections(document, (one, other), names)
 
 
 def _report_sweep(
@@ -164,6 +172,13 @@ def _title(result: Trajectory | Motion | Sizing | Selection) -> str:
             f"report: motion '{result.name}' has no result to report; size it first, or use replay to show the motion"
         )
     return result.robot if isinstance(result, (Sizing, Selection)) else result.scene.name
+
+
+def _file_of(result: Trajectory | Motion | Sizing | Selection) -> str:
+    """The name of the file that a result is of, as far as the result holds it; else that of the robot."""
+    if isinstance(result, Selection) and result.inputs is not None and result.inputs.config is not None:
+        return result.inputs.config.source.stem
+    return source_name(result)
 
 
 def _document(result: Trajectory | Motion | Sizing | Selection, film: Film, pictures: bool = True) -> Document:

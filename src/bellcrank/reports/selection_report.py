@@ -23,6 +23,7 @@ SCRIPTS = (  # in the order in which they stand in the page
     "svg_plot.js", "torque_speed_plane.js", "use_bars.js", "temperature_chart.js", "selection_data.js", "pair_view.js",
     "candidate_table.js", "comparison.js", "pareto_chart.js", "selection.js",
 )  # fmt: skip
+OF_ONE = ("candidate_table.js", "pareto_chart.js")  # not for two selections
 WORDS = {  # how a report calls a condition, and its unit
     "voltage": ("bus voltage", "V"),
     "voltage_ratio": ("ratio of bus and nominal voltage", ""),
@@ -56,6 +57,9 @@ EXPLORER = """<section id="chooser-section" class="selection"><h2>Candidates</h2
 <div id="chooser"><div id="candidates"></div><div id="pair" aria-live="polite"></div></div></section>
 <section id="comparison" class="selection"></section>
 """
+BOTH = """<section id="comparison" class="selection" aria-live="polite" data-first="{}" data-second="{}"></section>
+<div id="paper-pairs"></div>
+"""
 FURTHER = """<section><h2>Pareto picture</h2><p>{proof}</p><div id="pareto"></div></section>
 <section><h2>The whole robot</h2><div id="system"></div></section>
 <div id="paper-pairs"></div>
@@ -80,6 +84,29 @@ def selection_surroundings(selection: Selection, film: Film) -> Surroundings:
         style=_asset("svg_plot.css") + _asset("selection.css"),
         scripts=tuple(map(_asset, SCRIPTS)),
     )
+
+
+def compared_selections(document: Document, both: tuple[Selection, Selection], names: tuple[str, str]) -> Surroundings:
+    """What stands around two selections over each other, which `names` call: `document`, whose first part is the choice
+    of both, and the motors and gears of each joint side by side.
+    """
+    before, after = document_html(replace(document, parts=document.parts[1:]))
+    data = "".join(
+        f'<script type="text/plain" id="{key}">{encoded_selection(_choice_alone(one))}</script>'
+        for key, one in zip(("selection", "other-selection"), both, strict=True)
+    )
+    return Surroundings(
+        before=before + part_html(document.parts[0]),
+        after=BOTH.format(*map(escape, names)) + after + data,
+        style=_asset("svg_plot.css") + _asset("selection.css"),
+        scripts=tuple(_asset(name) for name in SCRIPTS if name not in OF_ONE),
+    )
+
+
+def _choice_alone(selection: Selection) -> Selection:
+    """A selection with no other candidates than those that it chose."""
+    axes = tuple(replace(one, candidates=() if one.chosen is None else (one.chosen,)) for one in selection.axes)
+    return replace(selection, axes=axes, pareto=())
 
 
 def selection_document(selection: Selection, film: Film) -> Document:

@@ -78,6 +78,7 @@ class BodyReader:
         self._compiler, self._defaults, self._inertias = compiler, defaults, inertias
         self._bodies: list[Body] = []
         self._copies = self._joints = 0
+        self._moves: dict[int, Array] = {}  # of the copies (n, 4, 4) that the <replicate> of an id makes
 
     def read(self, root: MjcfElement) -> list[Body]:
         """All bodies, parents before children, in MuJoCo's order; the first one is the world. Raises InputError."""
@@ -169,14 +170,15 @@ class BodyReader:
         self._copies += int(count)
         if self._copies > MOST_BODIES:
             raise element.fail(f"makes more than {MOST_BODIES} copies; this is too large a model")
-        angles = self._compiler.angles
-        offset, euler = (np.array(element.vector(key, (0.0, 0.0, 0.0))) for key in ("offset", "euler"))
+        if id(element) not in self._moves:  # that of a <replicate> in another one is read for each copy
+            offset, euler = (np.array(element.vector(key, (0.0, 0.0, 0.0))) for key in ("offset", "euler"))
+            moves = np.tile(np.eye(4), (int(count), 1, 1))
+            moves[:, :3, :3] = self._compiler.angles.euler(np.arange(count)[:, None] * euler).as_matrix()
+            moves[1:, :3, 3] = np.cumsum(moves[:-1, :3, :3] @ offset, axis=0)
+            self._moves[id(element)] = moves
         separator, digits = element.attributes.get("sep", ""), len(str(int(count) - 1))
-        copy = np.eye(4)
-        for k in range(int(count)):
-            copy[:3, :3] = angles.euler((k * euler).tolist()).as_matrix()
-            yield replace(scope, frame=scope.frame @ copy, suffix=f"{separator}{k:0{digits}d}{scope.suffix}")
-            copy[:3, 3] += copy[:3, :3] @ offset
+        for k, frame in enumerate(scope.frame @ self._moves[id(element)]):
+            yield replace(scope, frame=frame, suffix=f"{separator}{k:0{digits}d}{scope.suffix}")
 
 
 def _name(element: MjcfElement, scope: _Scope) -> str:

@@ -35,12 +35,13 @@ class Angles:
         """An angle of the file in rad."""
         return math.radians(angle) if self.degrees else angle
 
-    def euler(self, angles: tuple[float, ...]) -> Rotation:
-        """The rotation of Euler angles as the file writes them."""
+    def euler(self, angles: Array) -> Rotation:
+        """The rotation of Euler angles (3,) as the file writes them, or the rotations of many (n, 3)."""
         turn = Rotation.identity()
-        for letter, angle in zip(self.sequence, angles, strict=True):
+        for k, letter in enumerate(self.sequence):
             axis = np.eye(3)["xyz".index(letter.lower())]
-            step = Rotation.from_rotvec(self.radians(angle) * axis)
+            angle = angles[..., k, None]
+            step = Rotation.from_rotvec((np.radians(angle) if self.degrees else angle) * axis)
             turn = turn * step if letter.islower() else step * turn
         return turn
 
@@ -59,7 +60,7 @@ class Angles:
         if key == "axisangle":
             return Rotation.from_rotvec(self.radians(numbers[3]) * _unit(element, key, numbers[:3]))
         if key == "euler":
-            return self.euler(tuple(numbers))
+            return self.euler(numbers)
         if key == "zaxis":
             return z_to(_unit(element, key, numbers))
         x = _unit(element, key, numbers[:3])

@@ -6,11 +6,12 @@ would be visible.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.replays.film.film import Array, Film
+from bellcrank.replays.film.film import Array, Arrow, Film
 
 LONGEST = 0.45  # arrow, as a share of half the height of the view
 USUAL = 95.0  # percentile of the magnitudes up to which the scale is linear
@@ -34,16 +35,25 @@ class ArrowScale:
     decade: float
     peak: float
 
+    def lengths(self, magnitudes: Array) -> Array:
+        """The lengths (n,) m of arrows of magnitudes (n,), as the page draws them."""
+        above = np.log10(np.maximum(magnitudes / self.usual, 1.0))
+        return np.asarray(self.length * np.minimum(magnitudes / self.usual, 1.0) + self.decade * above)
+
 
 def arrow_scales(film: Film) -> list[ArrowScale]:
     """The scales of a film's arrows, one for each unit."""
     camera = film.camera
     distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
-    longest = LONGEST * distance * float(np.tan(np.deg2rad(20.0)))
+    return scales_up_to(film.arrows, LONGEST * distance * float(np.tan(np.deg2rad(20.0))))
+
+
+def scales_up_to(arrows: Sequence[Arrow], longest: float) -> list[ArrowScale]:
+    """The scales of arrows, one for each unit, of which the longest arrow has a length (m)."""
     scales = []
-    for unit in dict.fromkeys(arrow.unit for arrow in film.arrows):
-        numbers = tuple(k for k, arrow in enumerate(film.arrows) if arrow.unit == unit)
-        sizes = np.concatenate([_magnitudes(film.arrows[k].vectors) for k in numbers])
+    for unit in dict.fromkeys(arrow.unit for arrow in arrows):
+        numbers = tuple(k for k, arrow in enumerate(arrows) if arrow.unit == unit)
+        sizes = np.concatenate([_magnitudes(arrows[k].vectors) for k in numbers])
         scales.append(_scale(unit, numbers, sizes, longest))
     return scales
 

@@ -16,7 +16,7 @@ from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, Line
 from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import Body, bounding_boxes, world_corners
+from bellcrank.replays.geometry.shapes import Body, outlines, world_corners
 
 Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
@@ -158,5 +158,5 @@ def _timed(chart: Chart, prefix: str) -> list[Line]:
 def _camera(camera: Camera, poses: Array, bodies: Sequence[Body]) -> Camera:
     """A camera in the direction of another one, that sees all bodies at all times."""
     some = poses[np.unique(np.linspace(0, len(poses) - 1, MOST_LOOKED_AT).astype(int))]
-    points = world_corners(some, bounding_boxes(bodies)).reshape(-1, 3)
+    points = world_corners(some, outlines(bodies)).reshape(-1, 3)
     return fit_camera(points, np.subtract(camera.position, camera.target), np.asarray(camera.up))

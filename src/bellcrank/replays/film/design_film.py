@@ -23,7 +23,7 @@ from bellcrank.replays.film.robot_view import film_axes, film_bodies, revolute_a
 from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, world_corners
+from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, outlines, world_corners
 from bellcrank.sizing.joint_histories import SizingInputs
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def film_of_designs(
     bodies = (*bodies, *(Body(name, ()) for name in traced if name not in there))
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *(() if scene is None else element_frames(scene))]))
     stretch = LinkStretch(robot, bodies, parameters)
-    corners = bounding_boxes(bodies)
+    corners, surfaces = bounding_boxes(bodies), outlines(bodies)
     with np.errstate(all="ignore"):  # a run may end where numbers overflow
         poses_of = frame_pose_function(robot, frames, parameters)  # the same for all, so that it is compiled once
         trajectories = [replace(source.trajectory(frames), pose_function=poses_of) for source in sources]
@@ -151,7 +151,7 @@ def film_of_designs(
             for source, trajectory in zip(sources, trajectories, strict=True)
         )
     view = CameraScene(
-        points=np.concatenate([world_corners(poses, corners).reshape(-1, 3) for poses in seen]),
+        points=np.concatenate([world_corners(poses, surfaces).reshape(-1, 3) for poses in seen]),
         poses=np.concatenate(seen[:1]),
         axes=_world_axes(robot, trajectories[0]),
         gravity=np.array(robot.gravity),

@@ -13,7 +13,7 @@ from bellcrank.motion.resampling import SHARE as VALUE_TOLERANCE
 from bellcrank.replays.film.decimation import Rows, frame_rows, series_rows
 from bellcrank.replays.film.film import Arrow, Trace
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, refine
-from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, world_corners
+from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, outlines, world_corners
 
 Array = NDArray[np.float64]
 PointFunction = Callable[[Array, Array], Array]  # points (n, frames, 3), quaternions (n, frames, 4) -> points (n, 3)
@@ -33,7 +33,7 @@ class SampledFrames:
     """Frames of a film at times (n,) s, with the robot's positions (n, nq) and velocities (n, nv).
 
     `points` (n, frames, 3) m and `quaternions` (n, frames, 4) are those of all frames of the trajectory; `bodies` are
-    the numbers of the frames that carry bodies, and `corners` the boxes around these.
+    the numbers of the frames that carry bodies, and `outlines` points of their surfaces.
     """
 
     trajectory: SampledTrajectory
@@ -43,7 +43,7 @@ class SampledFrames:
     points: Array
     quaternions: Array
     bodies: tuple[int, ...]
-    corners: tuple[Array, ...]
+    outlines: tuple[Array, ...]
     traces: tuple[Trace, ...]
     arrows: tuple[Arrow, ...]
     error_bound: float
@@ -60,10 +60,10 @@ class SampledFrames:
 
     @property
     def visible_points(self) -> Array:
-        """Points (m, 3) m: the corners of all bodies at about a hundred of the frames, and the traces."""
+        """Points (m, 3) m: the outlines of all bodies at about a hundred of the frames, and the traces."""
         some = np.unique(np.linspace(0, len(self.time) - 1, SIZE_SAMPLES + 1).astype(int))
         traced = [trace.points for trace in self.traces]
-        points = np.concatenate([world_corners(self.poses[some], self.corners).reshape(-1, 3), *traced])
+        points = np.concatenate([world_corners(self.poses[some], self.outlines).reshape(-1, 3), *traced])
         return np.asarray(points[np.isfinite(points).all(axis=1)])
 
 
@@ -136,7 +136,7 @@ def sample_frames(
         points=points,
         quaternions=quaternions,
         bodies=numbers,
-        corners=tuple(corners),
+        outlines=tuple(outlines(bodies)),
         traces=_distinct_traces([(name, np.concatenate(parts)) for name, parts in trace_rows.items()], bound),
         arrows=_visible_arrows([join_arrows(parts) for parts in arrow_parts.values()]),
         error_bound=bound,

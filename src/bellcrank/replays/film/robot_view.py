@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.quaternions import rotate
+from bellcrank.replays.film.arrow_scale import ArrowScale, scales_up_to
 from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.camera import CameraScene
 from bellcrank.replays.film.film import Arrow, Axis
@@ -104,24 +105,22 @@ def camera_scene(frames: SampledFrames, arrows: Sequence[Arrow] = (), points: Se
     robot = frames.trajectory.robot
     axes = [rotate(frames.frame_pose(link)[1][0], axis) for link, axis in revolute_axes(robot)]
     visible = frames.visible_points
-    length = ARROW_LENGTH * float(np.ptp(visible, axis=0).max())
+    scales = scales_up_to(arrows, ARROW_LENGTH * float(np.ptp(visible, axis=0).max()))
+    tips = [_arrow_tips(arrows[k], scale) for scale in scales for k in scale.arrows]
     return CameraScene(
-        points=np.concatenate([visible, *points, *(_arrow_tips(arrow, length) for arrow in arrows)]),
+        points=np.concatenate([visible, *points, *tips]),
         poses=frames.poses,
         axes=np.array(axes).reshape(-1, 3),
         gravity=np.array(robot.gravity),
     )
 
 
-def _arrow_tips(arrow: Arrow, longest: float) -> Array:
-    """Approximate end points (m, 3) of an arrow that is drawn with at most this length (m)."""
+def _arrow_tips(arrow: Arrow, scale: ArrowScale) -> Array:
+    """The end points (m, 3) of an arrow at the times at which it has a length."""
     size = np.linalg.norm(arrow.vectors, axis=1)
-    there = np.isfinite(size) & np.isfinite(arrow.points).all(axis=1)
-    if not np.any(size[there]):
-        return np.zeros((0, 3))
-    usual = np.percentile(size[there], 98.0) or size[there].max()
-    length = longest * np.minimum(size[there] / usual, 1.0)
-    return np.asarray(arrow.points[there] + arrow.vectors[there] * (length / np.maximum(size[there], 1e-300))[:, None])
+    there = np.isfinite(size) & np.isfinite(arrow.points).all(axis=1) & (size > 0.0)
+    lengths = scale.lengths(size[there])
+    return np.asarray(arrow.points[there] + arrow.vectors[there] * (lengths / size[there])[:, None])
 
 
 def named_facts(rows: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:

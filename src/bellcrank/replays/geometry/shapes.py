@@ -21,6 +21,11 @@ Triple = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+DIRECTIONS = np.array([each for each in product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3) if max(map(abs, each)) == 1.0])
+DIRECTIONS /= np.linalg.norm(
+    DIRECTIONS, axis=1, keepdims=True
+)  # none is further than 18° from the next: 5 % of a sphere's radius
+RIM = np.stack([np.cos(angles := np.arange(24) * np.pi / 12), np.sin(angles), np.ones(24)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +81,37 @@ def body_radii(corners: Sequence[Array]) -> Array:
     return np.array([np.linalg.norm(box, axis=1).max() for box in corners])
 
 
+def outlines(bodies: Sequence[Body]) -> list[Array]:
+    """The points (98, 3) m of each body, in its frame, that are farthest in as many directions: closer than its box."""
+    return [_farthest(np.concatenate([np.zeros((0, 3)), *map(_surface_points, body.shapes)])) for body in bodies]
+
+
+def _farthest(points: Array) -> Array:
+    if not len(points):
+        return np.zeros_like(DIRECTIONS)
+    extent = np.ptp(points, axis=0)  # by which directions are stretched, so that a slender body keeps its girth
+    return np.asarray(points[np.argmax(points / np.where(extent > 0.0, extent, 1.0) @ DIRECTIONS.T, axis=0)])
+
+
+def _surface_points(shape: Shape) -> Array:
+    """Points (k, 3) m in the body's frame, among which are those of a shape that are farthest in any direction."""
+    size = np.array(shape.size, dtype=np.float64)
+    if shape.kind == "mesh":
+        points = np.zeros((0, 3)) if shape.mesh is None else shape.mesh.vertices * size
+    elif shape.kind == "cylinder":
+        points = np.concatenate([RIM, -RIM]) * [size[0], size[0], 0.5 * size[1]]
+    else:
+        points = 0.5 * CORNERS * size if shape.kind == "box" else size[0] * DIRECTIONS
+    pose = np.array(shape.pose)
+    return np.asarray(pose[:3] + rotate(pose[3:], points))
+
+
 def world_corners(poses: Array, corners: Sequence[Array]) -> Array:
-    """The corners (n, 8 k, 3) m of the boxes of all bodies in the world frame, for poses (n, k, 7)."""
+    """Points (c, 3) m of each of k bodies, such as the corners of its box, in the world frame (n, c k, 3) m, for poses
+    (n, k, 7).
+    """
     boxes = np.stack(corners) if corners else np.zeros((0, 8, 3))
-    points = poses[:, :, None, :3] + rotate(np.repeat(poses[:, :, None, 3:], 8, axis=2), boxes[None])
+    points = poses[:, :, None, :3] + rotate(np.repeat(poses[:, :, None, 3:], boxes.shape[1], axis=2), boxes[None])
     return np.asarray(points.reshape(len(poses), -1, 3))
 
 

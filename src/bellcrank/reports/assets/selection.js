@@ -3,9 +3,9 @@
 /** The tabs of the axes; arrow keys walk them. */
 function makeAxisTabs(axes, choose) {
   const tabs = axes.map((axis) => {
-    const chosen = axis.chosen === null ? null : axis.candidates[axis.chosen];
-    const sign = element("i", { className: `tier ${(chosen?.tier ?? "fails").replaceAll(" ", "-")}`, ariaHidden: "true", textContent: SIGNS[chosen?.tier ?? "fails"] });
-    const tab = element("button", { type: "button", role: "tab", title: chosen ? chosen.tier : "nothing in the catalogue drives it" },
+    const tier = axis.tier ?? axis.candidates[axis.chosen]?.tier;
+    const sign = element("i", { className: `tier ${(tier ?? "fails").replaceAll(" ", "-")}`, ariaHidden: "true", textContent: SIGNS[tier ?? "fails"] });
+    const tab = element("button", { type: "button", role: "tab", title: tier ?? "nothing in the catalogue drives it" },
       sign, element("span", { className: "name", textContent: axis.name }));
     tab.onclick = () => select(axis.number);
     return tab;
@@ -98,4 +98,4 @@ async function showSelection() {
 }
 
 const replayReady = window.bellcrank.ready;
-window.bellcrank.ready = showSelection().then(() => replayReady);
+window.bellcrank.ready = (byId("other-selection") ? compareSelections() : showSelection()).then(() => replayReady);

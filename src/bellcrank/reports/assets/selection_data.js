@@ -31,8 +31,8 @@ function shaftLoad({ speed, torque, acceleration }, { ratio, efficiency, backEff
 }
 
 /** The selection; each candidate has its motor, gear and criteria, and `detail()` computes what its plots show. */
-async function readSelection() {
-  const data = JSON.parse(new TextDecoder().decode(await window.bellcrank.inflated("selection")));
+async function readSelection(id = "selection") {
+  const data = JSON.parse(new TextDecoder().decode(await window.bellcrank.inflated(id)));
   const criterion = ([name, use, verdict, text]) => ({ name: data.names[name], use, verdict: data.verdicts[verdict], text: data.texts[text] });
   for (const [number, axis] of data.axes.entries()) {
     axis.number = number;

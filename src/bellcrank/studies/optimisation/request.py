@@ -131,7 +131,7 @@ def _completed(scene: Scene, asked: Request) -> Request:
     variables = dict(entry.vary) if asked.variables is None else asked.variables
     variables = arguments.mapping("variables", variables, "a mapping of parameters to their bounds (lower, upper)")
     if not variables:
-        raise InputError(f"{where}: nothing is varied; give bounds of parameters, or write optimise: {{vary: …}}")
+        raise InputError(f"{where}: nothing is varied; vary parameters within bounds, or write optimise: {{vary: …}}")
     objectives = _objectives(where, asked, entry)
     limits = entry.limits if asked.limits is None else asked.limits
     limits = arguments.several("limits", limits, str, "conditions such as 'lock.crank <= 120 deg'", alone=True)
