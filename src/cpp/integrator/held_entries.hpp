@@ -63,19 +63,23 @@ class Held {
       }
     for (int j = 0; j < h_.mode_count; ++j)
       if (h_.mode_rows[j] < 0) fastest_[j] = larger(fastest_[j], fastest);
-    for (int e = 0; e < count_; ++e) before_[e] = changes_.memory(e);
+    for (int e = 0; e < count_; ++e) {
+      before_[e] = changes_.memory(e);
+      // The load of a gear has the same sign on both sides, so that one which turned to and fro is rounding; it stays.
+      terminal_[e] = !(load_side_[e] && quick_[e] && stepper.t_old - turn_time_[e] <= rounding(stepper.t_old));
+    }
     Silent silent;
     const Found found = changes_.search(stepper, silent);
     if (found == Found::failed) return failed_ = true;
     turn_ = found == Found::terminal ? changes_.end_event() : -1;
     end_ = found == Found::terminal ? changes_.end_time() : stepper.t_old;
     for (int e = 0; e < count_; ++e)  // one that left zero for the other side, before any crossing
-      if (before_[e].sign == 0 && changes_.leaves(e) * side(e) < 0) {
+      if (terminal_[e] && before_[e].sign == 0 && changes_.leaves(e) * side(e) < 0) {
         const double end = stepper.t_old + (stepper.t - stepper.t_old) * changes_.comes_back(e, side(e) < 0 ? 1 : -1);
         if (end < end_ || turn_ < 0 || end == stepper.t_old) turn_ = e, end_ = end;
       }
     for (int e = 0; e < count_ && turn_ < 0; ++e)
-      if (changes_.memory(e).sign * side(e) < 0) turn_ = e;
+      if (terminal_[e] && changes_.memory(e).sign * side(e) < 0) turn_ = e;
     for (int j = 0; j < h_.mode_count && turn_ < 0 && flight_ > stepper.t_old; ++j)  // it has come back, to the last digit
       if (is_stop(j) && mode(j).moves && changes_.value(h_.switch_count + j) == 0) turn_ = h_.switch_count + j, end_ = stepper.t;
     if (turn_ < 0) return true;
@@ -209,7 +213,9 @@ class Held {
         }
     }
     for (int e = 0; e < count_; ++e) {
-      const int now = changes_.value(e) == 0 ? 0 : side(e) > 0 ? 1 : -1;
+      // The load of a gear that turned is 0 there up to the rounding of larger forces, which must not turn it back.
+      const bool zero = changes_.value(e) == 0 || (load_side_[e] && turned_[e]);
+      const int now = zero ? 0 : side(e) > 0 ? 1 : -1;
       changes_.remember(e, {now, changes_.memory(e).hint, changes_.memory(e).unresolved});
     }
     if (changed) record_.hold(t, rhs_.held());
