@@ -21,10 +21,9 @@ Triple = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+# None is further than 18° from the next: 5 % of a sphere's radius.
 DIRECTIONS = np.array([each for each in product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3) if max(map(abs, each)) == 1.0])
-DIRECTIONS /= np.linalg.norm(
-    DIRECTIONS, axis=1, keepdims=True
-)  # none is further than 18° from the next: 5 % of a sphere's radius
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 RIM = np.stack([np.cos(angles := np.arange(24) * np.pi / 12), np.sin(angles), np.ones(24)], axis=1)
 
 
