@@ -236,7 +236,7 @@ def new_figure(width: float, height: float, free: bool = False) -> Figure:
 
 def place(
     figure: Figure, *, left: float = 0.95, right: float = 0.15, top: float = 0.65, bottom: float = 0.55,
-    across: float = 0.95, between: float = 0.4,
+    across: float = 1.1, between: float = 0.4,
 ) -> None:  # fmt: skip
     """Place the axes of a `free` figure, which stand in one grid, by distances in inches: from the edges and between.
 
@@ -252,7 +252,7 @@ def place(
     figure.subplots_adjust(
         left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, across / wide, between / high
     )
-    out = 0.75 if columns == 1 else 0.6  # inches; nearer to its own axes than to those beside
+    out = 0.7  # inches: beside "−0.025", and nearer to its own axes than to those on the left
     for axis in figure.axes:
         axis.yaxis.set_label_coords(-out / wide, 0.5)
         axis.xaxis.set_label_coords(0.5, -0.3 / (axis.get_position().height * height))

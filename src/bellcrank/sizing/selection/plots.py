@@ -26,6 +26,7 @@ from bellcrank.plot_style import (
     new_figure,
     place,
     plain,
+    title_above,
     write_figure,
 )
 from bellcrank.sizing.selection.tables import percent
@@ -86,7 +87,7 @@ def utilisation_figure(selection: Selection) -> Figure:
     axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
     for axis, (title, results) in zip(axes, panels, strict=True):
         _bars(axis, results)
-        axis.set_title(literal(title, 100), fontsize="medium", loc="left", y=1.0)  # without y all labels are measured
+        title_above(axis, literal(title, 100), fontsize="medium", loc="left")
     axes[-1].set_xlabel("utilisation: 100 % is the limit")
     axes[-1].xaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     top = heading(figure, f"{selection.robot}: utilisation of the chosen motors and gears")
@@ -272,7 +273,7 @@ def _panel(axis: Axes, selection: Selection, k: int, one: AxisSelection) -> None
     axis.set_ylabel(f"motor torque{f' × {factor:g}' if factor != 1.0 else ''} [N m]")
     unknown = "\ntorque unknown" if actuator.unknown_of_torque else ""
     assert one.chosen is not None
-    axis.set_title(literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")
+    title_above(axis, literal(f"{one.axis.name}: {one.chosen.id}") + unknown, fontsize="small")
 
 
 def _limits(axis: Axes, actuator: Actuator, reach: Array) -> Array:
