@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
 
@@ -129,11 +130,14 @@ def select(
         from bellcrank.sizing.verification import checked_limits
 
         limits = checked_limits(simulated_limits, "simulated_limits")
-    prepared = prepare_selection(
-        robot, motions, catalogue, objective, conditions=conditions, duty=duty, keep=keep, exclude=exclude,
+    exclude, makers = _repeatable(exclude), _repeatable(makers)
+    payloads, allow_massless = _repeatable(payloads), _repeatable(allow_massless)
+    prepare = partial(
+        prepare_selection, robot, motions, catalogue, objective, conditions=conditions, duty=duty, exclude=exclude,
         makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback, payloads=payloads,
         allow_massless=allow_massless, overrides=overrides, trust=trust,
     )  # fmt: skip
+    prepared = prepare(keep=keep)
     whole = prepared.choose(candidates, effort)
     if not limits:
         return whole
@@ -142,13 +146,7 @@ def select(
     from bellcrank.sizing.followed_selection import followed_selection
 
     def again(given_pairs: Mapping[str, str]) -> Selection:
-        return select(
-            robot, motions, catalogue, objective, conditions=conditions, duty=duty,
-            keep={**prepared.kept, **given_pairs},
-            exclude=exclude, makers=makers, transmissions=transmissions, mounts=mounts, feedback=feedback,
-            candidates=candidates, effort=effort, payloads=payloads, allow_massless=allow_massless,
-            overrides=overrides, trust=trust,
-        )  # fmt: skip
+        return prepare(keep={**prepared.kept, **given_pairs}).choose(candidates, effort)
 
     return replace(followed_selection(whole, again, limits), simulated_limits=limits)
 
@@ -253,6 +251,11 @@ def prepare_selection(
         problem=JudgedAxes(loads, pairs, of_axes, common, objective, feedback),
         warnings=tuple(warnings),
     )
+
+
+def _repeatable(items: Iterable[Any]) -> Iterable[Any]:
+    """The items, which may be gone through more than once."""
+    return tuple(items) if isinstance(items, Iterator) else items
 
 
 def _products(
