@@ -7,8 +7,8 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.replays.replay import film_of
-from bellcrank.reports.compared_documents import BOTH, compared_documents
 from bellcrank.reports.document import Document, Facts, Still, Table
+from bellcrank.reports.report import BOTH, compared_documents
 from bellcrank.reports.sizing_report import sizing_document
 
 
