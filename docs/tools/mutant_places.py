@@ -24,7 +24,7 @@ SOME_OF = {  # rooms that also hold what is no physics: these modules compute
     "studies": "axes design_space distributions exceedance intervals measures plain_axes sample_statistics samples "
     "scene_designs sensitivity_sample sizing_axes sizing_batch sizing_measures sobol_indices sweep_statistics "
     "tolerance variant_designs",
-    "codegen": "directional expression_graph kernels llvm_ir schedule tracer vector_math",
+    "codegen": "directional expression_graph kernels llvm_ir tracer vector_math",
 }
 TEXT_FILES = set(  # words in the names of files that read, write, check and show
     "cache catalog catalogue check checks comparison csv fields file files finding json names notes options plot plots "
