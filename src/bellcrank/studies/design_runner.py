@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.codegen import cache as disk
 from bellcrank.studies.columns import Columns
+
+if TYPE_CHECKING:
+    from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -61,3 +65,12 @@ class DesignRunner(Protocol):
         Raises StudyInterrupted on Ctrl-C, with the designs that are done.
         """
         ...
+
+
+def scene_identity(scene: Scene) -> dict[str, str]:
+    """What the results of all designs of a scene depend on, by a name that a user understands."""
+    return {
+        "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
+        "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
+        "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+    }

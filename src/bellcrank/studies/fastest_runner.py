@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.codegen import cache as disk
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.notes import Note, in_use, ranked
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.design_runner import StudyInterrupted, scene_identity
 from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.sizing_axes import changes_of
@@ -88,11 +87,8 @@ class FastestRunner(Portable):
     @cached_property
     def identity(self) -> Mapping[str, str]:
         """What the results depend on, by a name that a user understands."""
-        scene = self.scene
         return {
-            "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
-            "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
-            "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+            **scene_identity(self.scene),
             "fastest along": ", ".join(self.motions),
         }
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.codegen import cache as disk
 from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end, signals_until
 from bellcrank.dynamics.system import system_of
 from bellcrank.elements.signals import values_at
@@ -22,7 +21,7 @@ from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.status import Status
 from bellcrank.simulation.trajectory import Trajectory
 from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.design_runner import StudyInterrupted, scene_identity
 from bellcrank.studies.measures import default_measures, run_measures, start_measures
 from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.run_outcomes import INFEASIBLE, STATUSES, outcomes
@@ -92,9 +91,7 @@ class SimulationRunner(Portable):
         """What the results depend on, by a name that a user understands."""
         scene = self.scene
         return {
-            "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
-            "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
-            "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+            **scene_identity(scene),
             "equations": scene.structure_key[:12],
             "solver settings": repr(scene.settings),
         }

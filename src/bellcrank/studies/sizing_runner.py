@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.codegen import cache as disk
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.motion.motion_entry import stretched
@@ -22,7 +21,7 @@ from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.subject import sizing_subject
 from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.design_runner import StudyInterrupted, scene_identity
 from bellcrank.studies.infeasible_reasons import infeasible_reason
 from bellcrank.studies.plain_axes import DesignAxis
 from bellcrank.studies.shared_sizing import SharedSizing
@@ -133,11 +132,8 @@ class SizingRunner(Portable):
     @cached_property
     def identity(self) -> Mapping[str, str]:
         """What the results depend on, by a name that a user understands."""
-        scene = self.scene
         return {
-            "scene": f"{scene.name} ({disk.digest(repr(scene.data))[:12]})",
-            "files of the scene": disk.digest(repr(sorted(scene.files.items())))[:12],
-            "robot": f"{scene.robot.urdf.name} ({disk.digest(scene.robot.key)[:12]})",
+            **scene_identity(self.scene),
             "sizing over": ", ".join(self.base.motions),
         }
 
