@@ -26,8 +26,6 @@ _HOME = {
     "join": "motion.motion",
     "read_motion": "motion.csv_file",
     "write_motion": "motion.csv_file",
-    "RobotConfig": "scene.robot_config",
-    "load_robot_config": "scene.robot_config",
     "Actuator": "actuators.actuator",
     "Motor": "actuators.motor",
     "Gear": "actuators.gear",
@@ -37,64 +35,34 @@ _HOME = {
     "Catalogue": "actuators.catalogue",
     "load_catalogue": "actuators.catalogue",
     "write_catalogue": "actuators.catalogue_writer",
-    "Sizing": "sizing.result",
     "size": "sizing.size",
-    "DriveVerdicts": "sizing.drive_verdicts",
     "judge": "sizing.judge",
     "verify_selection": "sizing.verification",
-    "SelectionVerification": "sizing.verification",
-    "SizingSensitivity": "sizing.sensitivities",
-    "JointSensitivity": "sizing.sensitivities",
-    "Selection": "sizing.selection.selection",
     "select": "sizing.selection.select",
     "Scene": "scene.scene",
+    "load": "scene.load",
     "load_scene": "scene.scene",
-    "Settings": "scene.settings",
     "simulate": "simulation.simulate",
     "prepare": "simulation.prepared_simulation",
-    "PreparedSimulation": "simulation.prepared_simulation",
-    "PreparedRun": "simulation.prepared_simulation",
-    "Trajectory": "simulation.trajectory",
-    "RunSensitivity": "simulation.sensitivities",
-    "EventSensitivity": "simulation.sensitivities",
     "load_run": "simulation.load_run",
     "linearise": "analysis.linearise",
-    "Linearisation": "analysis.linearisation",
-    "Mode": "analysis.mode",
     "root_loci": "analysis.root_loci",
-    "RootLoci": "analysis.root_loci",
     "floquet": "analysis.floquet",
-    "FloquetModes": "analysis.floquet",
     "sweep": "studies.sweep",
     "optimise": "studies.optimisation.optimise",
     "pareto_front": "studies.optimisation.front",
     "select_designs": "studies.select_designs",
-    "DesignSelection": "studies.design_selection",
-    "ParetoFront": "studies.optimisation.pareto_result",
-    "Optimum": "studies.optimisation.optimum",
     "synthesise": "studies.synthesis.synthesise",
-    "Synthesis": "studies.synthesis.synthesis",
-    "Sweep": "studies.sweep_result",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
     "repeated_cycle": "planning.repeated_cycle",
-    "RepeatedCycle": "planning.cycle_result",
-    "SpeedFactor": "planning.speed_scaling",
-    "FastestMotion": "planning.fastest_motion",
-    "LimitCost": "planning.fastest_motion",
     "MotionLimits": "planning.motion_limits",
     "JointPath": "planning.joint_path",
     "joint_path": "planning.joint_path",
     "sobol_indices": "studies.sensitivity_study",
-    "Sensitivity": "studies.sensitivity",
-    "SampleStatistics": "studies.sample_statistics",
     "scene_derivatives": "dynamics.scene_derivatives",
-    "SceneDerivatives": "dynamics.scene_derivatives",
-    "Slopes": "dynamics.scene_derivatives",
     "scene_casadi": "dynamics.scene_casadi",
     "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
-    "Linkage": "dynamics.closed_inverse_dynamics",
-    "Mobility": "dynamics.mobility",
     "mobility": "dynamics.mobility",
     "plot": "simulation.run_plot:plot_run",
     "replay": "replays.replay",
@@ -110,49 +78,17 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "CompileError",
     "Conditions",
     "CoupledTransmission",
-    "DesignSelection",
-    "DriveVerdicts",
-    "EventSensitivity",
-    "FastestMotion",
-    "FloquetModes",
     "Gear",
     "InputError",
     "JointPath",
-    "JointSensitivity",
-    "LimitCost",
-    "Linearisation",
-    "Linkage",
-    "Mobility",
-    "Mode",
     "Motion",
     "MotionLimits",
     "Motor",
     "Mount",
     "NotSavedError",
-    "Optimum",
-    "ParetoFront",
     "Payload",
-    "PreparedRun",
-    "PreparedSimulation",
-    "RepeatedCycle",
     "Robot",
-    "RobotConfig",
-    "RootLoci",
-    "RunSensitivity",
-    "SampleStatistics",
     "Scene",
-    "SceneDerivatives",
-    "Selection",
-    "SelectionVerification",
-    "Sensitivity",
-    "Settings",
-    "Sizing",
-    "SizingSensitivity",
-    "Slopes",
-    "SpeedFactor",
-    "Sweep",
-    "Synthesis",
-    "Trajectory",
     "UnreachableError",
     "__version__",
     "check_urdf",
@@ -164,9 +100,9 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "judge",
     "line",
     "linearise",
+    "load",
     "load_catalogue",
     "load_robot",
-    "load_robot_config",
     "load_run",
     "load_scene",
     "mobility",
@@ -179,6 +115,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "repeated_cycle",
     "replay",
     "report",
+    "results",
     "root_loci",
     "scene_casadi",
     "scene_derivatives",
@@ -203,6 +140,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
 
 if TYPE_CHECKING:
     __version__: str
+    from bellcrank import results
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.catalogue import Catalogue, load_catalogue
     from bellcrank.actuators.catalogue_writer import write_catalogue
@@ -211,16 +149,13 @@ if TYPE_CHECKING:
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
     from bellcrank.actuators.mount import Mount
-    from bellcrank.analysis.floquet import FloquetModes, floquet
-    from bellcrank.analysis.linearisation import Linearisation
+    from bellcrank.analysis.floquet import floquet
     from bellcrank.analysis.linearise import linearise
-    from bellcrank.analysis.mode import Mode
-    from bellcrank.analysis.root_loci import RootLoci, root_loci
+    from bellcrank.analysis.root_loci import root_loci
     from bellcrank.codegen.full_tier import wait_for_optimised_code
-    from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-    from bellcrank.dynamics.mobility import Mobility, mobility
+    from bellcrank.dynamics.mobility import mobility
     from bellcrank.dynamics.scene_casadi import scene_casadi
-    from bellcrank.dynamics.scene_derivatives import SceneDerivatives, Slopes, scene_derivatives
+    from bellcrank.dynamics.scene_derivatives import scene_derivatives
     from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.csv_file import read_motion, write_motion
@@ -229,12 +164,10 @@ if TYPE_CHECKING:
     from bellcrank.motion.point_to_point import point_to_point
     from bellcrank.motion.tool_path import tool_path
     from bellcrank.motion.waypoints import dwell, waypoints
-    from bellcrank.planning.cycle_result import RepeatedCycle
-    from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.joint_path import JointPath, joint_path
     from bellcrank.planning.motion_limits import MotionLimits
     from bellcrank.planning.repeated_cycle import repeated_cycle
-    from bellcrank.planning.speed_scaling import SpeedFactor, speed_factor
+    from bellcrank.planning.speed_scaling import speed_factor
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report
@@ -242,36 +175,23 @@ if TYPE_CHECKING:
     from bellcrank.robot.load import load_robot
     from bellcrank.robot.payload import Payload
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig, load_robot_config
+    from bellcrank.scene.load import load
     from bellcrank.scene.scene import Scene, load_scene
-    from bellcrank.scene.settings import Settings
     from bellcrank.simulation.load_run import load_run
-    from bellcrank.simulation.prepared_simulation import PreparedRun, PreparedSimulation, prepare
+    from bellcrank.simulation.prepared_simulation import prepare
     from bellcrank.simulation.run_plot import plot_run as plot
-    from bellcrank.simulation.sensitivities import EventSensitivity, RunSensitivity
     from bellcrank.simulation.simulate import simulate
-    from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.drive_verdicts import DriveVerdicts
     from bellcrank.sizing.judge import judge
-    from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.select import select
-    from bellcrank.sizing.selection.selection import Selection
-    from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.size import size
-    from bellcrank.sizing.verification import SelectionVerification, verify_selection
-    from bellcrank.studies.design_selection import DesignSelection
+    from bellcrank.sizing.verification import verify_selection
     from bellcrank.studies.optimisation.front import pareto_front
     from bellcrank.studies.optimisation.optimise import optimise
-    from bellcrank.studies.optimisation.optimum import Optimum
-    from bellcrank.studies.optimisation.pareto_result import ParetoFront
-    from bellcrank.studies.sample_statistics import SampleStatistics
     from bellcrank.studies.select_designs import select_designs
-    from bellcrank.studies.sensitivity import Sensitivity
     from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep
-    from bellcrank.studies.sweep_result import Sweep
-    from bellcrank.studies.synthesis.synthesis import Synthesis
     from bellcrank.studies.synthesis.synthesise import synthesise
+    from bellcrank.version import version
 
 
 def __getattr__(name: str) -> Any:
@@ -279,6 +199,8 @@ def __getattr__(name: str) -> Any:
         from bellcrank.version import version
 
         return version()
+    if name == "results":
+        return importlib.import_module("bellcrank.results")
     if name in _HOME:
         module, _, attribute = _HOME[name].partition(":")
         return getattr(importlib.import_module(f"bellcrank.{module}"), attribute or name)

@@ -288,7 +288,7 @@ def subject(name: str, value: Any, what: str) -> Any:
 def robot(value: Any, name: str = "robot") -> Any:
     """A robot, or an object with the joints and ranges of one."""
     if not (hasattr(value, "joints") and hasattr(value, "lower")):
-        refuse(name, "a robot", value, remedy="bc.load_robot(PATH or NAME) makes one")
+        refuse(name, "a robot", value, remedy="use bc.load_robot(PATH or NAME)")
     return value
 
 

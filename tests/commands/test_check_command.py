@@ -40,7 +40,7 @@ def test_a_mechanism_without_a_start_reports_its_gaps_and_draws_them(tmp_path, c
     assert main(["check", str(triangle(tmp_path, 1.5)), "--html", str(page)]) == 1
     text = capsys.readouterr().out
     assert "error    no start was found that satisfies the constraints" in text
-    assert "gaps     apart where the residuals are smallest: apex 0.5 m" in text  # 3 m between the axes, 1 + 1.5 m
+    assert "gaps     smallest position residuals: apex 0.5 m" in text  # 3 m between the axes, 1 + 1.5 m
     html = page.read_text(encoding="utf-8")
     film = json.loads(re.search(r'<script[^>]*type="application/json"[^>]*>(.*?)</script>', html, re.DOTALL)[1])
     assert "gap apex" in json.dumps(film) and "apex 0.5 m" in json.dumps(film)

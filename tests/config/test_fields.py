@@ -62,7 +62,7 @@ def test_what_is_no_number_is_named(value: object, unit: str, message: str) -> N
         ("a: 1\nb: [1, 2\n", r"\(line \d\): not valid YAML"),
         ("a: 1\na: 2\n", r"\(line 2\): .*duplicate key 'a' \(first on line 1\)"),
         ("b:\n  c: 1\n  c: 2\n", "duplicate key 'c'"),
-        ("1: 2\n", "expected a text as key, found 1"),
+        ("1: 2\n", "expected a string key, found 1"),
         ("on: 2\n", "put it in quotes"),
         ("a: !!python/object:os.system x\n", "not valid YAML"),
         ("a: *nowhere\n", "not valid YAML"),

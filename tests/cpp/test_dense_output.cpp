@@ -29,9 +29,9 @@ struct Step {
     stepper.interpolate(s, x);
     return Numbers(x, x + known::n);
   }
-  Numbers sketch(double s, bool finer) {
+  Numbers approximate(double s, bool finer) {
     alignas(64) double x[8];
-    stepper.sketch(s, x, finer);
+    stepper.approximate(s, x, finer);
     return Numbers(x, x + known::n);
   }
   Numbers end() const { return Numbers(stepper.state(), stepper.state() + known::n); }
@@ -102,11 +102,11 @@ double local_order(double h) {
   return order(errors);
 }
 template <class Stepper>
-double local_order_of_sketch(double h, bool finer) {
+double local_order_of_approximation(double h, bool finer) {
   Numbers errors;
   for (int k = 0; k < 4; ++k, h /= 2) {
     Step<Stepper> step(h);
-    errors.push_back(error_within(step, [&](double s) { return step.sketch(s, finer); }));
+    errors.push_back(error_within(step, [&](double s) { return step.approximate(s, finer); }));
   }
   CHECK(errors.back() > 1e-14);
   return order(errors);
@@ -164,9 +164,9 @@ TEST_CASE("the collocation polynomial of Radau IIA is of order 3") { CHECK(local
 
 TEST_CASE("polynomials through stages have the values and slopes of the step's ends") {
   Step<StepOfDop853> step(0.2);
-  for (bool finer : {true, false}) check_ends(step, [&](double s) { return step.sketch(s, finer); });
+  for (bool finer : {true, false}) check_ends(step, [&](double s) { return step.approximate(s, finer); });
   Step<StepOfRk4> cubic(0.2);
-  check_ends(cubic, [&](double s) { return cubic.sketch(s, true); });
+  check_ends(cubic, [&](double s) { return cubic.approximate(s, true); });
 }
 
 // x' = (0, t, ..., t^6) beside a clock: x = t^(k + 1) / (k + 1). A dense output of order q is exact up to t^q.
@@ -178,9 +178,9 @@ TEST_CASE("dense outputs are exact for polynomials of time of their degree") {
 
 // The stages of DOP853 are accurate to the fifth power of the step, so their slopes times the step to the sixth.
 TEST_CASE("polynomials through stages are of order 5, and the cubic of order 3") {
-  CHECK(local_order_of_sketch<StepOfDop853>(0.2, true) > 5.8);
-  CHECK(local_order_of_sketch<StepOfDop853>(0.2, false) > 5.8);
-  CHECK(local_order_of_sketch<StepOfRk4>(0.1, true) > 3.8);
+  CHECK(local_order_of_approximation<StepOfDop853>(0.2, true) > 5.8);
+  CHECK(local_order_of_approximation<StepOfDop853>(0.2, false) > 5.8);
+  CHECK(local_order_of_approximation<StepOfRk4>(0.1, true) > 3.8);
 }
 
 // E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, sec. IV.5: collocation.

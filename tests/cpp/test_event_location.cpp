@@ -235,11 +235,11 @@ TEST_CASE("three samples rule out crossings of straight lines, and no two crossi
   for (int turn = 0; turn < 200; ++turn) {
     const double a = random.between(0.1, 1), b = random.between(0.1, 1);
     const double line[] = {a, 0.5 * (a + b), b};
-    CHECK(halves_keep_off(line));
+    CHECK(halves_have_no_zero(line));
     const double middle = random.between(0.2, 0.8), half = random.between(0, std::min(0.19, std::fabs(0.5 - middle)));
     const auto f = [&](double s) { return (s - middle) * (s - middle) - half * half; };
     const double parabola[] = {f(0), f(0.5), f(1)};
-    CHECK_FALSE(halves_keep_off(parabola));
+    CHECK_FALSE(halves_have_no_zero(parabola));
   }
 }
 

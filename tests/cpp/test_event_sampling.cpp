@@ -90,7 +90,7 @@ TEST_CASE("parabolas keep to what is ruled out between samples") {
     const ShapeToEnds<double> shape(v.data());
     for (int i = 0; i < parts; ++i) {
       const auto [least, most] = range(parabola, place[i], place[i + 1]);
-      if (v[i] * v[i + 1] > 0 && shape.keeps_off(i, v.data(), 2)) {
+      if (v[i] * v[i + 1] > 0 && shape.has_no_zero(i, v.data(), 2)) {
         CHECK((least > 0 || most < 0));
         ++kept;
       }
@@ -119,7 +119,7 @@ TEST_CASE("two roots between neighbouring samples are not ruled out") {
     const Numbers v = samples(f);
     REQUIRE(v[i] > 0);
     REQUIRE(v[i + 1] > 0);
-    CHECK_FALSE(Shape(v.data()).keeps_off(i, v.data(), 2));
+    CHECK_FALSE(Shape(v.data()).has_no_zero(i, v.data(), 2));
   }
 }
 

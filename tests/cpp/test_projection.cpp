@@ -56,7 +56,7 @@ Problem constrained(Kernel kernel) {
 
 Numbers settled(const Problem& p, Numbers x) {
   Rhs rhs(p);
-  rhs.settle(0, x.data());
+  rhs.normalise_and_project(0, x.data());
   return x;
 }
 
@@ -141,7 +141,7 @@ TEST_CASE("a guard that always refuses is tried once in 32 times") {
   Rhs rhs(p);
   for (int k = 0; k < 200; ++k) {
     Numbers x{0.7, 0.8, 0.3, -0.2};
-    rhs.settle(0, x.data());
+    rhs.normalise_and_project(0, x.data());
   }
   CHECK(fallback_calls > 400);
   CHECK(calls <= 8 + fallback_calls / 32 + 1);

@@ -219,7 +219,7 @@ def test_trust_allows_by_argument_by_variable_and_by_option(
         partial(bc.simulate, run.scene), partial(bc.prepare, run.scene), partial(bc.sweep, run.scene),
         partial(bc.replay, run), partial(bc.show, run),
     ):  # fmt: skip
-        with pytest.raises(InputError, match=r"'trust': it is for files, and '(scene|source)' is loaded already"):
+        with pytest.raises(InputError, match=r"'trust': applies only to paths, and '(scene|source)' is loaded already"):
             call(trust=private)
     assert bc.replay(saved, project / "page.html", trust=private, plots=False).is_file()
     with pytest.raises(InputError, match=r"'trust': .*there is no such folder"):

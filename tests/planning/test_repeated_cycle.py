@@ -1,4 +1,4 @@
-"""Cycles that repeat for ever: sized again, marched through the thermal model, and refused where nothing helps."""
+"""Cycles that repeat indefinitely: sized again, marched through the thermal model, and refused where nothing helps."""
 
 from __future__ import annotations
 

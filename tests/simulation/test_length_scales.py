@@ -14,7 +14,7 @@ from bellcrank.scene.scene import load_scene
 
 SIZES = (1e-6, 1e-3, 1e3)
 KINDS = ("point", "distance", "weld", "slider", "rolling", "hinge in space")
-GAP = re.compile(r"apart where the residuals are smallest: loop (\S+) m")
+GAP = re.compile(r"smallest position residuals: loop (\S+) m")
 
 
 def link(name, s, length, mass):

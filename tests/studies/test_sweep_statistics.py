@@ -81,7 +81,7 @@ def test_the_command_prints_and_writes_probabilities_indices_and_the_page(tmp_pa
         (["--limit", "lock.tine > 3 s"], "unknown measure 'lock.tine'; did you mean 'lock.time'?"),
         (["--limit", "lock.time"], "expected MEASURE > VALUE or MEASURE < VALUE"),
         (["--sobol", "10"], "expected a power of two, such as 8 or 16, found 10"),
-        (["--sobol", "8", "--sample", "64"], "not with sobol, since Sobol indices need designs of their own"),
+        (["--sobol", "8", "--sample", "64"], "cannot be combined with sobol"),
     ],
 )
 def test_wrong_options_are_refused_before_anything_is_run(options, message, tmp_path, capsys):

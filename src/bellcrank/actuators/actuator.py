@@ -157,7 +157,7 @@ class Actuator:
         conditions = arguments.instance("conditions", conditions, Conditions, "Conditions")
         filled, with_gear = conditions.completed(motor), conditions.completed(gear)
         if with_gear.ratio is None:
-            raise InputError(f"gear '{gear.id}': its ratio is unknown, so that nothing follows for the joint")
+            raise InputError(f"gear '{gear.id}': its ratio is unknown, so that joint loads cannot be computed")
         if motor.kind == "actuator" and gear.kind != "direct":
             raise InputError(
                 f"motor '{motor.id}' is sold with its gear, and its figures hold at the output; give it without "

@@ -1,4 +1,4 @@
-"""Temperatures of a cycle that repeats for ever: the fixed point of the cycle's affine map, its peaks, and runaway.
+"""Temperatures of a cycle that repeats indefinitely: the fixed point of the cycle's affine map, its peaks, and runaway.
 
 Over one cycle the temperatures above the ambient change by x → Φ x + g. Φ has positive entries, because heat raises
 temperatures, so its largest eigenvalue is real, and it is the spectral radius ρ. For ρ < 1 every start ends in the
@@ -51,7 +51,7 @@ class PeriodicTemperatures:
 
 
 def periodic_temperatures(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
-    """The temperatures of a cycle that repeats for ever.
+    """The temperatures of a cycle that repeats indefinitely.
 
     Args:
         model: Models of m motors.

@@ -26,7 +26,7 @@ from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate

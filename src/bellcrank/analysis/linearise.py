@@ -24,7 +24,7 @@ from bellcrank.elements.joint_forces import Friction
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.notes import Note, ranked
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate

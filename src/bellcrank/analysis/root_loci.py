@@ -18,7 +18,7 @@ from bellcrank.analysis.mode import pair
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 
 if TYPE_CHECKING:

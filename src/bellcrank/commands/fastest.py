@@ -12,10 +12,10 @@ from bellcrank.commands.options import (
     add_robot_and_motions,
     add_set,
     add_trust,
-    config_with_changes,
     number_option,
     page_of,
     parse_payload,
+    scene_with_changes,
     whole_option,
 )
 from bellcrank.commands.output_files import list_on_failure, written
@@ -29,7 +29,6 @@ from bellcrank.text import file_name
 if TYPE_CHECKING:
     from bellcrank.planning.motion_limits import MotionLimits
     from bellcrank.planning.speed_scaling import SpeedFactor
-    from bellcrank.scene.robot_config import RobotConfig
 
 UNITS = {
     "speed": "rad/s or m/s",
@@ -73,8 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--repeat", choices=("pause", "speed"),
-        help="also find the shortest pause after the motion, or the highest speed of it, at which the motors bear its "
-        "repetition for ever",
+        help="also find the shortest pause after the motion, or the highest speed of it, at which the motors can "
+        "repeat it indefinitely",
     )  # fmt: skip
     parser.add_argument(
         "--repeat-limit", choices=("rms", "temperature"),
@@ -101,9 +100,9 @@ def run(arguments: argparse.Namespace) -> int:
     grid = whole_option("--grid", arguments.grid, least=2, most=1_000_000)
     factor = _factor(arguments.scale)
     check_folder("--out", folder)
-    config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    scene = scene_with_changes(arguments.robot, arguments.changes, arguments.trust)
     payloads = [parse_payload(text) for text in arguments.payload]
-    motions = arguments.motion or list(_motions(config))
+    motions = arguments.motion or list(scene.config.motions)
     _refuse_unused(arguments)
     if not motions:
         raise InputError(
@@ -121,9 +120,9 @@ def run(arguments: argparse.Namespace) -> int:
         for number, name in enumerate(motions):
             print("" if number == 0 else "\n", end="")
             if arguments.scale is None:
-                status = max(status, _fastest(arguments, (config, name, limits, payloads, grid), folder, files))
+                status = max(status, _fastest(arguments, (scene, name, limits, payloads, grid), folder, files))
             else:
-                status = max(status, _scaled(arguments, (config, name, limits, payloads), factor, (folder, files)))
+                status = max(status, _scaled(arguments, (scene, name, limits, payloads), factor, (folder, files)))
     print(f"\n{written(files, folder)}")
     return status
 
@@ -143,10 +142,10 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.terminal.progress import counting
 
-    config, name, limits, payloads, grid = given
+    scene, name, limits, payloads, grid = given
     with counting(f"fastest along {name}", "cells") as progress:
         found = time_optimal(
-            config, name, limits, grid=grid, payloads=payloads, trust=arguments.trust,
+            scene, name, limits, grid=grid, payloads=payloads,
             progress=lambda cells, _: progress(cells, cells),
         )  # fmt: skip
     print(found.table())
@@ -167,7 +166,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
 
         files.append(write_page(film_of(found), page))
     if arguments.repeat is not None:
-        _repeated(arguments, (config, found.motion, payloads, stem), folder, files)
+        _repeated(arguments, (scene, found.motion, payloads, stem), folder, files)
     return 1 if reached(found.notes) else 0
 
 
@@ -175,14 +174,13 @@ def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Pat
     from bellcrank.motion.csv_file import write_motion
     from bellcrank.planning.repeated_cycle import repeated_cycle
 
-    config, motion, payloads, stem = given
+    scene, motion, payloads, stem = given
     cycle = repeated_cycle(
-        config,
+        scene,
         motion,
         limit=arguments.repeat_limit or "rms",
         by=arguments.repeat,
         payloads=payloads,
-        trust=arguments.trust,
     )
     print("\n" + cycle.table())
     for warning in cycle.warnings:
@@ -198,9 +196,9 @@ def _scaled(
     from bellcrank.planning.factor_peaks import MOST
     from bellcrank.planning.speed_scaling import speed_factor
 
-    config, name, limits, payloads = given
+    scene, name, limits, payloads = given
     folder, files = place
-    found = speed_factor(config, name, limits, payloads=payloads, trust=arguments.trust)
+    found = speed_factor(scene, name, limits, payloads=payloads)
     print(found.table())
     stem = file_name(found.motion.name)
     folder.mkdir(parents=True, exist_ok=True)
@@ -216,7 +214,7 @@ def _scaled(
     if 1.0 <= factor <= found.factor:
         return 0
     # Other factors may keep the limits or not: a motion that is slower may need more torque, such as that of a fall.
-    scaled = speed_factor(config, found.scaled(factor), limits, payloads=payloads, trust=arguments.trust)
+    scaled = speed_factor(scene, found.scaled(factor), limits, payloads=payloads)
     if scaled.factor < 1.0:
         print(f"\nthe factor {factor:g} is not allowed: the motion then exceeds the {_worst(scaled)}")
         return 1
@@ -237,10 +235,6 @@ def _factor(text: str | None) -> float | None:
     if text is None or text == "max":
         return None
     return number_option("--scale", text, above=0.0)
-
-
-def _motions(config: RobotConfig | Any) -> list[str]:
-    return list(getattr(config, "config", config).motions)
 
 
 def _limits(arguments: argparse.Namespace) -> MotionLimits:

@@ -13,10 +13,10 @@ from bellcrank.commands.options import (
     add_robot_and_motions,
     add_set,
     add_trust,
-    config_with_changes,
     number_option,
     parse_limit,
     parse_payload,
+    scene_with_changes,
 )
 from bellcrank.commands.output_files import output_path
 from bellcrank.commands.select import add_conditions, conditions
@@ -75,9 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     target: Path | None = arguments.out
     if target is not None:
         check_file("--out", target)
-    config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    scene = scene_with_changes(arguments.robot, arguments.changes, arguments.trust)
     found = judge(
-        config,
+        scene,
         arguments.motion or None,
         None,
         tolerance,

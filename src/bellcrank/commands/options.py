@@ -15,7 +15,6 @@ from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.payload import Payload
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 
@@ -116,17 +115,15 @@ def add_set(parser: argparse.ArgumentParser, example: str) -> None:
     )  # fmt: skip
 
 
-def config_with_changes(robot: str, changes: list[str], trust: list[str]) -> RobotConfig | Scene:
-    """The configuration of a path or name; where values are changed by --set, the changed scene. Raises InputError."""
+def scene_with_changes(robot: str, changes: list[str], trust: list[str]) -> Scene:
+    """The scene of a path or name, with the values of --set. Raises InputError."""
     from bellcrank.scene.overrides import parse_assignment
-    from bellcrank.scene.robot_config import load_robot_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.sizing.subject import changed_scene
 
     assigned = dict(parse_assignment(text) for text in changes)
-    if not assigned:
-        return load_robot_config(robot, trust=trust)
-    return changed_scene(load_scene(robot, trust=trust), assigned)
+    scene = load_scene(robot, trust=trust)
+    return changed_scene(scene, assigned) if assigned else scene
 
 
 def add_allow_massless(parser: argparse.ArgumentParser) -> None:

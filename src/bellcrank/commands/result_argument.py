@@ -10,7 +10,6 @@ from bellcrank.commands.options import add_allow_massless, add_trust
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
@@ -66,7 +65,7 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing | Sele
     """The run, sizing or selection that the arguments mean. Raises BellcrankError."""
     from bellcrank.config.yaml_file import read_yaml
     from bellcrank.replays.replay import find_run
-    from bellcrank.scene.robot_config import find_config, load_robot_config
+    from bellcrank.scene.robot_config import find_config
     from bellcrank.scene.scene import load_scene
     from bellcrank.simulation.load_run import load_run
 
@@ -94,25 +93,25 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing | Sele
     source, urdf = find_config(name)
     data = {} if urdf else read_yaml(source)
     if sized or (not simulated and "motions" in data and ("actuators" in data or data.keys().isdisjoint(_SCENE_KEYS))):
-        return _sized(load_robot_config(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
+        return _sized(load_scene(name, trust=arguments.trust), arguments.motion, arguments.allow_massless)
     if arguments.allow_massless:
         raise InputError(f"--allow-massless is for sizing, and {name} is simulated; leave it out, or add --size")
     return _simulated(load_scene(name, trust=arguments.trust))
 
 
-def _sized(config: RobotConfig, motions: list[str], allow_massless: list[str]) -> Sizing:
+def _sized(scene: Scene, motions: list[str], allow_massless: list[str]) -> Sizing:
     from bellcrank.sizing.size import size
 
-    return size(config, motions or None, allow_massless=allow_massless)
+    return size(scene, motions or None, allow_massless=allow_massless)
 
 
 def _selected(name: str, arguments: argparse.Namespace) -> Selection:
     """The selection from the bundled catalogue under the conditions of the configuration."""
-    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.scene.scene import load_scene
     from bellcrank.sizing.selection.select import select
 
-    config = load_robot_config(name, trust=arguments.trust)
-    return select(config, arguments.motion or None, allow_massless=arguments.allow_massless)
+    scene = load_scene(name, trust=arguments.trust)
+    return select(scene, arguments.motion or None, allow_massless=arguments.allow_massless)
 
 
 def _simulated(scene: Scene) -> Trajectory:

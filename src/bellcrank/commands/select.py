@@ -15,11 +15,11 @@ from bellcrank.commands.options import (
     add_page,
     add_set,
     add_trust,
-    config_with_changes,
     number_option,
     page_of,
     parse_limit,
     parse_payload,
+    scene_with_changes,
     whole_option,
 )
 from bellcrank.commands.output_files import list_on_failure, output_path, written
@@ -182,7 +182,6 @@ def run(arguments: argparse.Namespace) -> int:
     a chosen pair is unknown, or a limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
     """
     from bellcrank.files.json_files import list_files
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
     from bellcrank.sizing.selection.tables import table, verdict, wrapped
@@ -202,8 +201,8 @@ def run(arguments: argparse.Namespace) -> int:
     page = page_of(arguments, folder / REPORT)
     if arguments.over is not None and page is None:
         raise InputError("--over: selections are compared in a page; add --page")
-    robot = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
-    config = robot if isinstance(robot, RobotConfig) else robot.config
+    scene = scene_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    config = scene.config
     if arguments.write_config is not None:
         check_file("--write-config", arguments.write_config)
         check_target(arguments.write_config, config)
@@ -221,7 +220,7 @@ def run(arguments: argparse.Namespace) -> int:
             selection = designs.selection
         else:
             selection = select(
-                robot,
+                scene,
                 arguments.motion or None,
                 catalogue,
                 arguments.objective,
@@ -269,11 +268,11 @@ def named_drives(arguments: argparse.Namespace) -> Selection:
     """The motors and gears that the configuration of --over names, as a selection. Raises InputError."""
     from bellcrank.actuators.catalogue import Catalogue
     from bellcrank.actuators.gear import DIRECT
-    from bellcrank.scene.robot_config import load_robot_config
+    from bellcrank.scene.scene import load_scene
     from bellcrank.sizing.selection.select import select
 
-    config = load_robot_config(arguments.over, trust=arguments.trust)
-    drives = {name: one for name, one in config.actuators.items() if not one.by_ratings}
+    scene = load_scene(arguments.over, trust=arguments.trust)
+    drives = {name: one for name, one in scene.config.actuators.items() if not one.by_ratings}
     motors = dict.fromkeys(one.motor for one in drives.values())
     gears = dict.fromkeys(one.gear for one in drives.values() if one.gear.id != DIRECT.id)
     kept = {
@@ -283,7 +282,7 @@ def named_drives(arguments: argparse.Namespace) -> Selection:
     selection = None
     if drives:
         selection = select(
-            config,
+            scene,
             arguments.motion or None,
             Catalogue(tuple(motors), tuple(gears)),
             keep=kept,

@@ -14,10 +14,10 @@ from bellcrank.commands.options import (
     add_robot_and_motions,
     add_set,
     add_trust,
-    config_with_changes,
     number_option,
     page_of,
     parse_payload,
+    scene_with_changes,
 )
 from bellcrank.commands.output_files import list_on_failure, written
 from bellcrank.errors import InputError
@@ -77,9 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     page = page_of(arguments, folder / REPORT)
     if page is None and arguments.live is not None:
         raise InputError("--live and --static say what the page does; give --page too")
-    config = config_with_changes(arguments.robot, arguments.changes, arguments.trust)
+    scene = scene_with_changes(arguments.robot, arguments.changes, arguments.trust)
     sizing = size(
-        config, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
+        scene, arguments.motion or None, None, tolerance, payloads=payloads, allow_massless=arguments.allow_massless
     )
     print(table(sizing))
     for kind, text in remarks_of(sizing):

@@ -43,7 +43,7 @@ _PLAIN = (
      "an alias (*NAME) repeats a value that no anchor (&NAME) marks; put a text that begins with * in quotes"),
     (re.compile(r"second occurrence|duplicate anchor"), "the same anchor (&NAME) is used twice"),
     (re.compile(r"determine a constructor for the tag"), "unknown tag (!NAME); remove it, or put the text in quotes"),
-    (re.compile(r"unhashable key"), "expected a text as key; put it in quotes"),
+    (re.compile(r"unhashable key"), "expected a string key; put it in quotes"),
     (re.compile(r"expected <document start>"), "unexpected text after the end of the value"),
 )  # fmt: skip
 
@@ -177,7 +177,7 @@ def _loader() -> Callable[[str], Any]:
             before = value_node.value if isinstance(value_node, yaml.ScalarNode) else ""
             line = key_node.start_mark.line + 1
             if not isinstance(key, str):
-                raise refuse(f"expected a text as key, found {format_value(key)}; put it in quotes", key_node)
+                raise refuse(f"expected a string key, found {format_value(key)}; put it in quotes", key_node)
             if key in seen:
                 raise refuse(f"duplicate key '{key}' (first on line {seen[key]})", key_node)
             seen[key] = line

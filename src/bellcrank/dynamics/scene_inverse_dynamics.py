@@ -19,7 +19,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import Note, in_use, ranked
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]

@@ -69,7 +69,7 @@ class StartFailure:
 
     def sentences(self) -> tuple[str, ...]:
         """The findings as sentences, each without a full stop."""
-        found = [f"apart where the residuals are smallest: {', '.join(map(str, self.gaps))}"]
+        found = [f"smallest position residuals: {', '.join(map(str, self.gaps))}"]
         if self.never:
             found.append(f"cannot be satisfied even if all other constraints are open: {', '.join(self.never)}")
         if self.openings:

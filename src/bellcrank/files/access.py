@@ -208,7 +208,9 @@ def trusted_folders(trust: Trust = ()) -> tuple[Path, ...]:
 def for_files_only(trust: Trust, name: str, loader: str) -> None:
     """Raise InputError where `trust` is given although the argument `name` is loaded already, by `loader`."""
     if arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders"):
-        raise InputError(f"argument 'trust': it is for files, and '{name}' is loaded already; give it to {loader}")
+        raise InputError(
+            f"argument 'trust': applies only to paths, and '{name}' is loaded already; give it to {loader}"
+        )
 
 
 def _resolved(path: Path) -> Path | None:

@@ -163,8 +163,8 @@ class _Quintic:
 
 def _deviation(h: Array, a: Array, alpha: Array, beta: Array) -> tuple[Array, Array]:
     """How far the acceleration within each step (n − 1,) is from what neighbouring samples (n,) say, on the side that
-    says it best, as beside a jump one side knows nothing; and the larger of the same two steps beside it, each by the
-    samples of its own side: where a motion is smooth, both are of one size.
+    says it best, as beside a jump only one side is informative; and the larger of the same two steps beside it, each by
+    the samples of its own side: where a motion is smooth, both are of one size.
     """
     step = np.where(h > 0.0, h, 1.0)
     known = np.zeros(len(a), dtype=bool)  # second derivatives of the acceleration at samples

@@ -1,4 +1,4 @@
-"""`RepeatedCycle`: a cycle that motors bear for ever."""
+"""`RepeatedCycle`: a cycle that the motors can repeat indefinitely."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIMITS = {"rms": "RMS torque", "temperature": "winding temperature"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RepeatedCycle(WithNotes, WithJson):
-    """A cycle that motors bear for ever.
+    """A cycle that the motors can repeat indefinitely.
 
     Attributes:
         robot: Name of the robot.

@@ -1,4 +1,4 @@
-"""`bellcrank.repeated_cycle`: how long a pause, or how much slower a motion, so that motors bear its repetition."""
+"""`bellcrank.repeated_cycle`: the pause, or the speed, with which a motion can be repeated indefinitely."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ from bellcrank.sizing.subject import sizing_subject
 if TYPE_CHECKING:
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -106,7 +105,7 @@ def motor_cycles(
 
 @arguments.named
 def repeated_cycle(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motion: Motion | str | Path,
     *,
     limit: Limit = "rms",
@@ -116,7 +115,7 @@ def repeated_cycle(
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> RepeatedCycle:
-    """Find the shortest pause after a motion, or the highest speed of it, at which motors bear its repetition for ever.
+    """Find the shortest pause after a motion, or its highest speed, with which it can be repeated indefinitely.
 
     The uses are those of the judge (`bellcrank.judge`). With a pause, the posture at the end of the motion is held; the
     pause is a bracketed root of the use. A lower speed scales the whole motion in time, and the factor is the root that
@@ -124,7 +123,7 @@ def repeated_cycle(
     shorter.
 
     Args:
-        robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
+        robot: As in `bellcrank.size`: a Robot, a Scene, or the path or name of one.
         motion: A Motion, such as that of `time_optimal`, the name of a motion of the configuration, or a CSV file.
         limit: "rms": the RMS shaft torque stays within the continuous torque at the mean speed, with the safety factor,
             as in `bellcrank.size`. "temperature": the winding stays within its permitted temperature in the periodic

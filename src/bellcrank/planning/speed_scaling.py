@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import excess
-from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
@@ -34,7 +33,6 @@ from bellcrank.sizing.subject import sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -151,7 +149,7 @@ class SpeedFactor(WithNotes):
 
 @arguments.named
 def speed_factor(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motion: Motion | str | Path,
     limits: MotionLimits | None = None,
     *,

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import bounds_at
-from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
@@ -32,7 +31,6 @@ from bellcrank.sizing.subject import SizingSubject, sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -42,7 +40,7 @@ SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
 
 @arguments.named
 def time_optimal(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     path: JointPath | Motion | str | Path,
     limits: MotionLimits | None = None,
     *,
@@ -62,7 +60,7 @@ def time_optimal(
     2013): a local optimum, which also begins and ends without acceleration.
 
     Args:
-        robot: As in `bellcrank.size`: a Robot or Linkage, a RobotConfig, a Scene, or the path or name of one.
+        robot: As in `bellcrank.size`: a Robot, a Scene, or the path or name of one.
         path: A JointPath; or a motion, of which the path counts and neither timing nor pauses: a Motion, the name of
             a motion of the configuration, or the path of a CSV file. Where a motion stops, so does the fastest one.
         limits: The limits; by default the URDF's speeds and torques, and the actuators of the configuration.

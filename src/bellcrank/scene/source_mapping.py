@@ -43,7 +43,7 @@ def source_mapping(value: Any, override: str | None = None, depth: int = 0) -> A
         copy = SourceMapping.like(value)
         for key, entry in value.items():
             if not isinstance(key, str):
-                raise InputError(f"expected a text as key, found {format_value(key)}; put it in quotes")
+                raise InputError(f"expected a string key, found {format_value(key)}; put it in quotes")
             copy[key] = source_mapping(entry, override, depth + 1)
             if override:
                 copy.overrides[key] = override

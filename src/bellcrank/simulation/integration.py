@@ -137,7 +137,7 @@ def prepared_integration(
     """Prepare to integrate a scene with other settings and parameters of its equations.
 
     `projected`: the states are projected onto its constraints. `observe`: the extremes of the observed quantities
-    (`System.observe`) are wanted. Raises InputError where the start is none: massless
+    (`System.observe`) are wanted. Raises InputError if the start is invalid: massless
     motion, an open contact.
     """
     system, signals, duration, times = system_of(scene), scene.signals, settings.duration, rows.times

@@ -23,7 +23,7 @@ from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
 from bellcrank.robot.pinocchio_model import LEAST_MASS
 from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.prepare_integration import prepare_integration
 from bellcrank.simulation.simulate import simulate
@@ -101,7 +101,7 @@ class PreparedSimulation:
     """
 
     def __init__(self, scene: Scene, given: Mapping[str, Any]) -> None:
-        arguments.instance("scene", scene, Scene, "a scene", remedy="bc.prepare makes one that is ready to run")
+        arguments.instance("scene", scene, Scene, "a scene", remedy="use bc.prepare for one that is ready to run")
         given = arguments.mapping("given", given, "a mapping of settings")
         self.scene, self._given = scene, given
         self._integration: Integration = prepare_integration(scene, given)

@@ -13,7 +13,7 @@ from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.sampled_controllers import FunctionController
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.checkpoints import KEEP_EVERY, CheckpointWriter
 from bellcrank.simulation.prepare_integration import prepare_integration

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.notes import reached
@@ -24,13 +23,12 @@ from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance
 from bellcrank.sizing.subject import OneMotion, override_notes, sizing_subject
 
 if TYPE_CHECKING:
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 
 @arguments.named
 def judge(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,
     actuators: Mapping[str, Actuator] | None = None,
     mass_tolerance: float = 0.0,

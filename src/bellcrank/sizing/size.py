@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.dynamics.mechanism import Mechanism
 from bellcrank.files.access import Trust
 from bellcrank.notes import reached
 from bellcrank.robot.payload import Payload
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 @arguments.named
 def size(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,
     actuators: Mapping[str, Actuator] | None = None,
     mass_tolerance: float = 0.0,
@@ -42,7 +41,7 @@ def size(
     of a scene are included, its control is not. Each motion counts as a cycle that repeats.
 
     Args:
-        robot: A Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a robot configuration or URDF.
+        robot: A Robot, a Scene, or the path or name of a scene or robot file.
         motions: Motions; with a configuration also names of its motions and paths of CSV files, by default all of its
             motions.
         actuators: Motor and gear by joint name, those of a configuration's coupled transmissions by motor; by default

@@ -1,4 +1,4 @@
-"""What a sizing is of: a mechanism over motions, from a robot, a linkage, a scene, a configuration or a file."""
+"""What a sizing is of: a mechanism over motions, from a robot, a scene or a file."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.config.yaml_file import read_yaml
 from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
-from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
@@ -30,9 +28,6 @@ if TYPE_CHECKING:
 
 OneMotion = Motion | str | Path
 DUTY_NOT_USED = "the duty program of the configuration is not used: the given motions are cycles of their own"
-SCENE_KEYS = (  # keys of a file that affect sizing, or of which it says that they do not
-    "constraints", "forces", "joints", "joint_stops", "control", "parameters", "initial", "base", "supply",
-)  # fmt: skip
 
 
 class SizingSubject(NamedTuple):
@@ -93,7 +88,7 @@ def override_notes(config: RobotConfig) -> list[str]:
 
 
 def sizing_subject(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Mechanism | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None,
     payloads: Iterable[Payload] = (),
     trust: Trust = (),
@@ -103,12 +98,12 @@ def sizing_subject(
     """The mechanism and motions that the arguments of `bellcrank.size` and `bellcrank.select` stand for.
 
     Args:
-        robot: A Robot or Linkage; or a RobotConfig, a Scene, or the path or name of a configuration or URDF.
-        motions: Motions, names or paths; None: those of the configuration.
+        robot: A Robot, a mechanism, a Scene, or the path or name of a scene or robot file.
+        motions: Motions, names or paths; None: those of the scene.
         payloads: Payloads besides those that the robot carries.
-        trust: Folders whose files a configuration or URDF may name.
-        actuators: Actuators by joint; None: those of the configuration.
-        overrides: Values of a scene, configuration or URDF to change, by dotted path.
+        trust: Folders whose files a scene or robot file may name.
+        actuators: Actuators by joint; None: those of the scene.
+        overrides: Values of a scene or robot file to change, by dotted path.
 
     Returns:
         The subject.
@@ -122,36 +117,34 @@ def sizing_subject(
         >>> [motion.name for motion in subject.motions]
         ['lift_and_return']
     """
-    from bellcrank.scene.robot_config import RobotConfig, load_robot_config
     from bellcrank.scene.scene import Scene, load_scene
 
     loads = arguments.several("payloads", payloads, Payload, "Payloads", alone=True)
     folders = arguments.several("trust", [trust] if isinstance(trust, (str, Path)) else trust, object, "folders")
     if folders and not isinstance(robot, (str, Path)):
         raise InputError(
-            "argument 'trust': it is for files, and 'robot' is read already; give it where the robot is loaded"
+            "argument 'trust': applies only to paths, and 'robot' is loaded already; give it where the robot is loaded"
         )
+    if isinstance(robot, (str, Path)):
+        robot = load_scene(robot, trust=trust)
     if overrides is not None and arguments.mapping("overrides", overrides, EXPECTED_OVERRIDES):
-        if not isinstance(robot, (Scene, str, Path)):
+        if not isinstance(robot, Scene):
             raise InputError(
-                "argument 'overrides': it changes values of a scene, configuration or URDF; give 'robot' as a path, a "
-                "name, or a Scene of bc.load_scene"
+                "argument 'overrides': it changes values of a scene or robot file; give 'robot' as a path, a name, or "
+                "a Scene of bc.load_scene"
             )
-        robot = changed_scene(robot if isinstance(robot, Scene) else load_scene(robot, trust=trust), overrides)
-    if not isinstance(robot, (RobotConfig, Scene, str, Path)):
+        robot = changed_scene(robot, overrides)
+    if not isinstance(robot, Scene):
         if loads and not isinstance(robot, Robot):
             raise InputError("argument 'payloads': they belong to the robot of a Linkage; load it with them")
         mechanism = mechanism_of(robot.with_payloads(loads) if isinstance(robot, Robot) and loads else robot)
         listed = _distinct_names(_motions(() if motions is None else motions))
         return SizingSubject(mechanism, listed, actuators or {}, None)
-    if isinstance(robot, RobotConfig):
-        config = robot
-    else:
-        config = robot.config if isinstance(robot, Scene) else load_robot_config(robot, trust=trust)
-    given = robot if isinstance(robot, Scene) else None
+    config, scene = robot.config, robot
     if actuators is not None:
         config = replace(config, actuators=actuators)
-    mechanism, named = mechanism_and_motions(config, config.robot(loads), motions, given)
+    mechanism = mechanism_of(scene, config.robot(loads) if loads or actuators is not None else scene.robot)
+    named = [_motion(config, mechanism, one) for one in _requested(config, motions)]
     return SizingSubject(mechanism, _distinct_names(named), config.actuators, config, motions is None)
 
 
@@ -160,58 +153,6 @@ def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:
     changed = scene.with_overrides(overrides)
     return replace(
         changed, config=replace(changed.config, overrides={**scene.config.overrides, **declared(scene, overrides)})
-    )
-
-
-def mechanism_and_motions(
-    config: RobotConfig,
-    robot: Robot,
-    motions: OneMotion | Sequence[OneMotion] | None = None,
-    scene: Scene | None = None,
-) -> tuple[Mechanism, list[Motion]]:
-    """What the sizing of a robot configuration is of: its mechanism, and motions of all of the mechanism's joints.
-
-    Args:
-        config: The configuration.
-        robot: Its robot, with payloads: `config.robot(payloads)`.
-        motions: Motions, names of its motions or paths of CSV files; by default all of its motions.
-        scene: The scene whose forces and constraints count; by default that of the configuration's file.
-
-    Returns:
-        The mechanism and the list of motions, as `bellcrank.size` takes them.
-
-    Raises:
-        InputError: For an unknown motion, and where there is none.
-
-    Example:
-        >>> import bellcrank as bc
-        >>> from bellcrank.sizing.subject import mechanism_and_motions
-        >>> config = bc.load_robot_config("geared_pendulum")
-        >>> mechanism, motions = mechanism_and_motions(config, config.robot())
-        >>> bc.size(mechanism, motions, config.actuators).inside
-        True
-    """
-    mechanism = _mechanism(config, robot) if scene is None else mechanism_of(scene, robot)
-    return mechanism, [_motion(config, mechanism, one) for one in _requested(config, motions)]
-
-
-def _mechanism(config: RobotConfig, robot: Robot) -> Mechanism:
-    """The mechanism of a configuration's file, with its constraints, forces and parameters."""
-    from bellcrank.scene.scene import load_scene
-
-    is_robot_file = config.source.resolve() == config.urdf.resolve()
-    alone = is_robot_file or not _says_more(read_yaml(config.source))
-    if alone and not (config.file and (config.file.loops or config.file.springs)):
-        return OpenChain(robot, actuated=config.actuated or None)
-    trusted = () if config.access is None else [folder for folder in config.access.trusted if folder.is_dir()]
-    return mechanism_of(load_scene(config.source, trust=trusted), robot)
-
-
-def _says_more(data: Mapping[str, Any]) -> bool:
-    """Whether a file has keys of a scene, or drives."""
-    drives = data.get("actuators") or {}
-    return not data.keys().isdisjoint(SCENE_KEYS) or any(
-        isinstance(entry, Mapping) and "model" in entry for entry in drives.values()
     )
 
 

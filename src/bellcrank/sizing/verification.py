@@ -26,7 +26,7 @@ from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.notes import Note, WithNotes
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.joint_contacts import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.simulation.simulate import simulate

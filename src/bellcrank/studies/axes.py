@@ -212,7 +212,7 @@ def _range(where: str, parts: list[str]) -> Numbers:
     if before and after and before != after:
         raise InputError(f"{where}: the ends are in '{before}' and in '{after}'; write one unit")
     if count == 1 and first != last:
-        raise InputError(f"{where}: one value cannot be at both ends; give a count of 2 or more")
+        raise InputError(f"{where}: count must be at least 2")
     if not math.isfinite(last - first):
         raise InputError(f"{where}: expected finite ends with a finite difference")
     return Numbers(np.linspace(first, last, count), after or before)

@@ -21,7 +21,7 @@ from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.selection.judged_axes import Objective
 from bellcrank.sizing.subject import OneMotion, changed_scene

@@ -13,7 +13,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.files.access import Trust
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING, check_keep_every
 from bellcrank.studies.columns import Columns

@@ -194,7 +194,7 @@ def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleReque
     size = arguments.whole("sobol", asked.sobol, least=2)
     for name, value in (("sample", asked.count), ("method", asked.method)):
         if value is not None:
-            raise InputError(f"{name}: not with sobol, since Sobol indices need designs of their own")
+            raise InputError(f"{name}: cannot be combined with sobol")
     for axis in axes:
         if axis.distribution is None:
             raise InputError(

@@ -58,7 +58,9 @@ def sweep_sensitivity(sweep: Sweep) -> Sensitivity:
     """
     sample = sweep.space.sample
     if not isinstance(sample, SensitivitySample):
-        raise InputError(f"sweep of {sweep.scene.name}: Sobol indices need designs of their own; see bc.sobol_indices")
+        raise InputError(
+            f"sweep of {sweep.scene.name}: Sobol indices cannot be computed from these designs; see bc.sobol_indices"
+        )
     rows, whole = complete_replicates(sweep.index, sample.count, sample.replicates)
     if whole < LEAST_REPLICATES:
         raise InputError(

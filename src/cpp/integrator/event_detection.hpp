@@ -16,11 +16,11 @@ namespace BELLCRANK_ISA {
 enum class Found { nothing, terminal, failed };
 
 inline int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
-inline double caution(int depth) { return depth ? 4 : 2; }
+inline double safety_factor(int depth) { return depth ? 4 : 2; }
 
 // Whether a function surely has no zero between three samples of the same sign, at both ends and the middle of a step.
 template <class T>
-auto halves_keep_off(const T* v) {
+auto halves_have_no_zero(const T* v) {
   return smaller(absolute(v[0]), smaller(absolute(v[1]), absolute(v[2]))) > absolute(v[0] - 2.0 * v[1] + v[2]);
 }
 
@@ -29,7 +29,7 @@ auto halves_keep_off(const T* v) {
 inline bool doubtful(const Shape& shape, int i, const double* v, int depth) {
   if (!(shape.miss < INFINITY) || (v[i] == 0 && v[i + 1] == 0 && shape.miss == 0)) return false;
   if (sign(v[i]) != sign(v[i + 1])) return !shape.runs(i, v);
-  return !shape.keeps_off(i, v, caution(depth)) && (depth < 2 || !shape.parabola(i));
+  return !shape.has_no_zero(i, v, safety_factor(depth)) && (depth < 2 || !shape.parabola(i));
 }
 
 class Events {
@@ -87,7 +87,7 @@ class Events {
     if (!evaluate(stepper.t, stepper.state(), g_ + samples * count_)) return Found::failed;
     if (!sample_between(stepper)) return Found::failed;
     bool clear = true;
-    for (int e = 0; e < count_ && clear; ++e) clear = keeps_off(e) && !touches(e);
+    for (int e = 0; e < count_ && clear; ++e) clear = has_no_zero(e) && !touches(e);
     return clear ? Found::nothing : search_closely(record);
   }
 
@@ -121,7 +121,7 @@ class Events {
   Inputs in_;
   int found_ = 0, terminal_ = 0, now_ = 0;
   int oscillating_ = 0, forced_ = 0;  // the level at which g oscillates; the level down to which all is sampled again
-  std::int64_t spent_ = 0, limit_ = 0;
+  std::int64_t values_used_ = 0, limit_ = 0;
   Growing<Crossing> crossings_;
   Growing<double> states_;
   bool turns_ = false, failed_ = false, missed_ = false, done_ = false;
@@ -140,7 +140,7 @@ class Events {
 
   // One event function on the step's interpolant.
   double along(int e, double s) {
-    last_.sketch(s, x_);
+    last_.approximate(s, x_);
     if (!evaluate(last_.t_old + s * length(), x_, value_)) failed_ = true;
     return value_[e];
   }
@@ -149,7 +149,7 @@ class Events {
   template <class Stepper>
   bool sample_between(Stepper& stepper) {
     for (int i = 1; i < samples; ++i) {
-      stepper.sketch(at(i), x_, i % 2 == 0);
+      stepper.approximate(at(i), x_, i % 2 == 0);
       if (!evaluate(stepper.t_old + length() * at(i), x_, g_ + i * count_)) return false;
     }
     return true;
@@ -173,17 +173,17 @@ class Events {
   double at(int i) const { return samples == 2 ? 0.5 * i : place[i]; }
 
   // Whether one event surely has no crossing in this step, by its samples.
-  bool keeps_off(int e) const {
+  bool has_no_zero(int e) const {
     if (sign_[e] == 0 || hint_[e] > 0) return false;
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) {
       v[i] = g(i, e);
       if (sign(v[i]) != sign_[e]) return false;
     }
-    if (samples == 2) return halves_keep_off(v);
+    if (samples == 2) return halves_have_no_zero(v);
     const Shape shape(v);
     for (int i = 0; i < parts; ++i)
-      if (!shape.keeps_off(i, v, caution(0))) return false;
+      if (!shape.has_no_zero(i, v, safety_factor(0))) return false;
     return true;
   }
 
@@ -202,14 +202,14 @@ class Events {
 
   // All crossings of one event in this step.
   void scan(int e, Record& record) {
-    spent_ = 0, oscillating_ = 0, forced_ = hint_[e];
+    values_used_ = 0, oscillating_ = 0, forced_ = hint_[e];
     limit_ = unresolved_[e] < patience ? most_evaluations : few_evaluations;
     missed_ = done_ = false, now_ = sign_[e], blank_ = INFINITY, rounding_ = leaving * largest(e);
     double v[parts + 1];
     for (int i = 0; i <= samples; ++i) blank(v[i] = g(i, e), at(i));
     if (samples == parts) {
       scan_interval(e, 0, 1, v, 0);
-    } else if (sign(v[0]) == now_ && sign(v[1]) == now_ && sign(v[2]) == now_ && halves_keep_off(v)) {
+    } else if (sign(v[0]) == now_ && sign(v[1]) == now_ && sign(v[2]) == now_ && halves_have_no_zero(v)) {
     } else {
       again(e, 0, v[0], 0.5, v[1], 1);
       if (!done_) again(e, 0.5, v[1], 1, v[2], 1);
@@ -219,7 +219,7 @@ class Events {
       now_ = 0;
     }
     sign_[e] = now_;
-    effort += spent_;
+    effort += values_used_;
     hint_[e] = oscillating_;
     if (missed_) ++unresolved_[e], record.unresolved(e, last_.t_old);
     if (blank_ < INFINITY) record.undefined(e, blank_);
@@ -242,11 +242,11 @@ class Events {
     }
     for (int i = 0; i < parts && !done_; ++i) {
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
-      if (unclear[i] && spent_ >= limit_) missed_ = true;
-      if (depth < deepest && spent_ < limit_ && (unclear[i] || depth < forced_))
+      if (unclear[i] && values_used_ >= limit_) missed_ = true;
+      if (depth < deepest && values_used_ < limit_ && (unclear[i] || depth < forced_))
         again(e, left, v[i], right, v[i + 1], depth + 1);
       else
-        part(e, left, v[i], right, v[i + 1], !shape.keeps_off(i, v, caution(depth)));
+        part(e, left, v[i], right, v[i + 1], !shape.has_no_zero(i, v, safety_factor(depth)));
     }
   }
 
@@ -254,7 +254,7 @@ class Events {
     double v[parts + 1];
     v[0] = at_a, v[parts] = at_b;
     for (int i = 1; i < parts; ++i) blank(v[i] = along(e, a + (b - a) * place[i]), a + (b - a) * place[i]);
-    spent_ += parts - 1;
+    values_used_ += parts - 1;
     scan_interval(e, a, b, v, depth);
   }
 
@@ -382,7 +382,7 @@ class Events {
     }
     if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding allows
     if (last_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
-    else last_.sketch(s, x_), rhs_.settle(start + s * h, x_), std::memcpy(x, x_, bytes);
+    else last_.approximate(s, x_), rhs_.normalise_and_project(start + s * h, x_), std::memcpy(x, x_, bytes);
     return start + s * h;
   }
 

@@ -96,14 +96,14 @@ struct ShapeOf {
   }
 
   T arc(int i) const { return larger(bend[i], bend[i + 1]); }
-  // Whether the function certainly keeps its sign between samples i and i + 1, which have the same sign. `caution` is
+  // Whether the function certainly keeps its sign between samples i and i + 1, which have the same sign. `safety_factor` is
   // larger where it is known to oscillate.
-  auto keeps_off(int i, const T* v, double caution) const {
-    return smaller(absolute(v[i]), absolute(v[i + 1])) > arc(i) + caution * miss;
+  auto has_no_zero(int i, const T* v, double safety_factor) const {
+    return smaller(absolute(v[i]), absolute(v[i + 1])) > arc(i) + safety_factor * miss;
   }
   // Whether the function may lie below `least` or above `largest` between samples i and i + 1.
-  auto may_leave(int i, const T* v, T least, T largest, double caution) const {
-    const T lower = smaller(v[i], v[i + 1]), upper = larger(v[i], v[i + 1]), room = arc(i) + caution * miss;
+  auto may_leave(int i, const T* v, T least, T largest, double safety_factor) const {
+    const T lower = smaller(v[i], v[i + 1]), upper = larger(v[i], v[i + 1]), room = arc(i) + safety_factor * miss;
     return (lower - room < least) | (upper + room > largest);
   }
   // Whether it is monotonic between samples i and i + 1.

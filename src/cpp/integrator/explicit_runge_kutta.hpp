@@ -66,7 +66,7 @@ class ExplicitRungeKutta final : public LastStep {
     bool again = false, bad = false;
     for (;; ++rejected, again = true) {
       if (h < least) return give_up(bad ? Outcome::non_finite : Outcome::too_small);
-      if (rhs_.spent()) return give_up(Outcome::spent);
+      if (rhs_.out_of_evaluations()) return give_up(Outcome::out_of_evaluations);
       const double proposed = h;
       double end = t_old + h;
       if (end > bound) end = bound;
@@ -99,7 +99,7 @@ class ExplicitRungeKutta final : public LastStep {
   // One step of fixed size.
   Outcome fixed(double end) {
     begin_step();
-    if (rhs_.spent()) return give_up(Outcome::spent);
+    if (rhs_.out_of_evaluations()) return give_up(Outcome::out_of_evaluations);
     const bool sound = step(main_, end - t_old, x_) && (!Method::fsal || finite(x_));
     if (!sound || !finish(end)) return give_up(Outcome::non_finite);
     return Outcome::accepted;
@@ -107,7 +107,7 @@ class ExplicitRungeKutta final : public LastStep {
 
   // x at t_old + s (t - t_old) without new evaluations: by the dense output if it is there, or by a polynomial through
   // both ends and slopes of stages, of degree 6, or 5 where not `finer`.
-  void sketch(double s, double* x, bool finer = true) override {
+  void approximate(double s, double* x, bool finer = true) override {
     if (dense_ready_ || Method::fsal) interpolate(s, x);
     else if constexpr (Method::extra == 3) stage_polynomial(s, x, finer);
     else cubic(s, x);
@@ -152,7 +152,7 @@ class ExplicitRungeKutta final : public LastStep {
   bool redo(double h, double* x) override {
     std::memcpy(redo_.k, main_.k, lanes() * sizeof(double));
     const bool sound = step<Method::fsal>(redo_, h, x);  // else both are the same, compiled once
-    rhs_.settle(t_old + h, x);
+    rhs_.normalise_and_project(t_old + h, x);
     return sound && finite(x);
   }
 
@@ -208,7 +208,7 @@ class ExplicitRungeKutta final : public LastStep {
     rhs_.evaluations += Method::stages - 1;
     stages.template sum<last>(old_, h, x);
     if constexpr (Method::fsal && !Redo) {
-      rhs_.settle(t_old + h, x);
+      rhs_.normalise_and_project(t_old + h, x);
       status |= slope(t_old + h, h);
     }
     return status == 0;
@@ -229,7 +229,7 @@ class ExplicitRungeKutta final : public LastStep {
   // After the error test: projection and the slope at the end. False where that or the state is not finite.
   bool finish(double end) {
     if constexpr (!Method::fsal) {
-      rhs_.settle(end, x_);
+      rhs_.normalise_and_project(end, x_);
       if (slope(end, end - t_old) != 0 || !finite(main_.k + last * lanes(), x_)) return false;
     }
     t = end;

@@ -48,7 +48,7 @@ class Held {
         changed = true, ++done_[k];
       }
     at_instant(t);
-    return settle(t, x, changed);
+    return turn_switches(t, x, changed);
   }
 
   // Whether the step just taken stays on all sides. If not, it has to be taken again up to `turn_time`, and then `turn`.
@@ -95,7 +95,7 @@ class Held {
   // and fro without end.
   bool turn(double t, const double* x) {
     at_instant(t);
-    return over(turn_, t, x) && settle(t, x, true) && !chatters();
+    return over(turn_, t, x) && turn_switches(t, x, true) && !chatters();
   }
   // The end of the next step from t on, up to `bound`: within the flight after an impact, whose end would not be seen if the
   // joint were back before the step is first sampled.
@@ -146,6 +146,7 @@ class Held {
   Array<bool> terminal_;
   Array<int> direction_, turned_, quick_;
   Array<Events::Memory> before_;
+  Array<bool> load_side_;  // which of the switches are sides of gears with losses by load
   Buffer old_, turn_time_;
   Array<std::int64_t> done_;  // updates so far
   int turn_ = -1;
@@ -154,8 +155,7 @@ class Held {
   BoundedForces modes_;
   Buffer found_, fastest_;  // what the kernel found; the largest speed of each joint since it was at rest
   Array<int> resting_, closed_, struck_, met_, ways_;
-  Array<bool> load_side_;  // which of the switches are sides of gears with losses by load
-  bool gears_ = false;     // whether there are any
+  bool gears_ = false;  // whether there are gears with losses by load
   int balanced_ = 0;  // of resting_
   Buffer state_, after_;  // after_: velocities of joints after an impact
 
@@ -201,7 +201,7 @@ class Held {
   }
 
   // Turns the switches whose functions are on the other side; those that turned at this instant stay as they are.
-  bool settle(double t, const double* x, bool changed) {
+  bool turn_switches(double t, const double* x, bool changed) {
     for (bool again = count_ > 0; again;) {
       again = false;
       if (rested_) x = state_;
@@ -423,9 +423,10 @@ class Held {
     for (int j = 0; j < n; ++j)  // friction that gives way towards the joint's own stop: from there on the stop holds
       for (int k = 0; k < n; ++k)
         if (!is_stop(j) && !is_forceless(j) && !is_pin(j) && mode(j).moves && state_[h_.mode_rows[j]] == 0 && closed_[k] &&
-            h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0)
+            h_.mode_rows[k] == h_.mode_rows[j] && mode(j).direction * closed_[k] < 0) {
           if (has_load_side(j) && k == cause && gives_way) mode(j) = {0, 0, 1, 0};  // by rounding: the stop has let go
           else mode(j).moves = 0, mode(k) = {1.0 * closed_[k], 0, 1, mode(k).impulse};
+        }
     balanced_ = count;
   }
 

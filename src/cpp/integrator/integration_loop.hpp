@@ -183,7 +183,7 @@ class IntegrationLoop {
 
   void state_at(double s) {
     if (stepper_.prepare()) stepper_.interpolate(s, between_);
-    else stepper_.sketch(s, between_);
+    else stepper_.approximate(s, between_);
   }
 };
 

@@ -23,7 +23,7 @@ class LaneDenseOutput {
   }
 
   // x at t_old + s (t - t_old) by these: with DOP853 of degree 6, or 5 where not `finer`.
-  void sketch(const LaneBlock& block, Vec s, Vec* x, bool finer = true) const {
+  void approximate(const LaneBlock& block, Vec s, Vec* x, bool finer = true) const {
     if constexpr (Method::fsal) return interpolate(block, s, x);
     const Vec r = 1.0 - s, v = s * s * r * r;
     for (int i = 0; i < n_; ++i) {
@@ -61,7 +61,7 @@ class LaneDenseOutput {
       block.evaluations += wanted ? splat(3) : Vec{};
     } else {  // the cubic's slope is corrected by one evaluation, as in explicit_runge_kutta.hpp
       const double s = 0.2113248654051871177454256;
-      sketch(block, splat(s), between_);
+      approximate(block, splat(s), between_);
       equations_.rhs(block, block.t_old + s * h, between_, rate_);
       for (int i = 0; i < n_; ++i) {
         const Vec* c = cheap_ + cheap_terms * i;

@@ -36,7 +36,7 @@ class LaneEquations {
   }
 
   // Normalises states at the ends of steps, and projects those in the lanes of `wanted`.
-  BELLCRANK_INLINE void settle(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
+  BELLCRANK_INLINE void normalise_and_project(LaneBlock& block, Vec time, Vec* x, Mask wanted) {
     normalise(x);
     if (problem.project) project(block, time, x, wanted);
   }

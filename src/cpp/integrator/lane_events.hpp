@@ -45,7 +45,7 @@ class LaneEvents {
   void sample(LaneBlock& block, int i, Vec time, const Vec* x) { equations_.events(block, time, x, g_ + i * count_); }
 
   // Whether no event can be in the step, by these samples.
-  Mask keeps_off(const LaneBlock& block) const {
+  Mask has_no_zero(const LaneBlock& block) const {
     Mask clear = Mask{} == 0;
     for (int e = 0; e < count_; ++e) {
       clear &= (block.sign[e] != 0.0) & (block.hint[e] <= 0.0);
@@ -55,10 +55,10 @@ class LaneEvents {
         clear &= v[i] * block.sign[e] > 0.0;
       }
       if (few()) {
-        clear &= halves_keep_off(v);
+        clear &= halves_have_no_zero(v);
       } else {
         const ShapeOf<Vec> shape(v);
-        for (int i = 0; i < parts; ++i) clear &= shape.keeps_off(i, v, caution(0));
+        for (int i = 0; i < parts; ++i) clear &= shape.has_no_zero(i, v, safety_factor(0));
       }
     }
     return clear;

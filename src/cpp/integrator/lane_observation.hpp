@@ -69,17 +69,17 @@ class LaneObservation {
   void search(LaneBlock& block, Bits lanes, Vec time, const Vec* x) {
     sample_ends(block, time, x);
     const Vec h = block.t - block.t_old, part = (time - block.t_old) / h;
-    const auto sketch = [&](int first) {
+    const auto approximate = [&](int first) {
       for (int i = first; i < parts; i += 2) {
-        dense_.sketch(block, part * place[i], x_, i % 2 == 0);
+        dense_.approximate(block, part * place[i], x_, i % 2 == 0);
         sample(block, i, block.t_old + part * place[i] * h, x_);
       }
     };
-    if (within_) sketch(2);
+    if (within_) approximate(2);
     const Bits doubtful = within_ ? lanes & ~bits(stays_within(block)) : 0;
     take(block, y_ + parts * count_, count_, mask(lanes));
     if (!doubtful) return;
-    sketch(1);
+    approximate(1);
     for (int i = 0; i < (parts + 1) * count_; ++i) cheap_[i] = y_[i];
     for (int i = 1; i < parts; ++i) between(block, part * place[i], y_ + i * count_, doubtful);
     learn(block);
@@ -143,7 +143,7 @@ class LaneObservation {
     const Problem& p = ensemble_.common;
     dense_.interpolate(block, s, x_);
     for (int i = p.nq; i < p.nq + p.nv; ++i) plain_[i] = x_[i];
-    equations_.settle(block, time, x_, mask(lanes));
+    equations_.normalise_and_project(block, time, x_, mask(lanes));
     Mask near = Mask{} == 0;
     for (int i = p.nq; i < p.nq + p.nv; ++i)
       near &= absolute(x_[i] - plain_[i]) <= Rhs::most_projected * (block.atol + block.rtol * absolute(plain_[i]));

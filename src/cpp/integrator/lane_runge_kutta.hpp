@@ -26,7 +26,7 @@ class LaneRungeKutta {
   explicit LaneRungeKutta(LaneEquations& equations) : equations_(equations), n_(equations.problem.n), argument_(n_) {}
 
   // A step of size h from (t_old, old) with the slope in row 0: fills rows 1 to stages - 1 and the new state x, which is
-  // not settled yet.
+  // not projected yet.
   void stages(LaneBlock& block, Vec h, Vec* x) {
     switch (n_) {
       case 1: return stages_of<1>(block, h, x);
@@ -95,11 +95,11 @@ class LaneRungeKutta {
            ((square > Method::accuracy * Method::accuracy) & (fast > 100.0 * rate_square(own, own_slopes)));
   }
 
-  // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are settled in the
+  // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are projected in the
   // lanes of `wanted`. Rows 1 to stages - 1 of the block are written anew. False where that fails.
   Mask redo(LaneBlock& block, Vec h, Vec* x, Mask wanted) {
     stages(block, h, x);
-    equations_.settle(block, block.t_old + h, x, wanted);
+    equations_.normalise_and_project(block, block.t_old + h, x, wanted);
     Mask sound = Mask{} == 0;
     for (int i = 0; i < n_; ++i) sound &= finite(x[i]);
     return sound;

@@ -108,17 +108,17 @@ class LaneSearch {
     if (ensemble_.observed) observation_.sample_ends(b, b.t, b.x);
     for (int i = many ? 1 : 2; i < parts && (many || within); i += many ? 1 : 2) {
       const Vec time = b.t_old + place[i] * h;
-      dense_.sketch(b, splat(place[i]), x_, i % 2 == 0);
+      dense_.approximate(b, splat(place[i]), x_, i % 2 == 0);
       if (many) events_.sample(b, i, time, x_);
       if (within && i % 2 == 0) observation_.sample(b, i, time, x_);
     }
     if (few) {
-      dense_.sketch(b, splat(0.5), x_, false);
+      dense_.approximate(b, splat(0.5), x_, false);
       events_.sample(b, 1, b.t_old + 0.5 * h, x_);
     }
     Mask clear = Mask{} == 0;
     if (with_events()) {
-      clear = events_.keeps_off(b);
+      clear = events_.has_no_zero(b);
       b.eventful = clear ? Vec{} : splat(1);
     }
     return within ? clear & observation_.stays_within(b) : clear;

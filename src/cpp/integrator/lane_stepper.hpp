@@ -78,17 +78,17 @@ class LaneStepper {
     end(bits(wanted & ~real), Status::non_finite);
   }
 
-  // Ends runs whose steps have become too small, or whose evaluations are spent.
+  // Ends runs whose steps have become too small, or whose evaluations are used up.
   void give_up() {
     for (;;) {
       const LaneBlock& b = block_;
       const Mask small = ~(b.step > 0.0) & (b.next < 10.0 * spacing(b.t_old));
       const Bits bad = active_ & bits(small & (b.bad != 0.0)), too_small = active_ & bits(small) & ~bad;
-      const Bits spent = active_ & bits(~small & (b.evaluations >= b.max_evaluations));
-      if (!(bad | too_small | spent)) return;
+      const Bits out_of_evaluations = active_ & bits(~small & (b.evaluations >= b.max_evaluations));
+      if (!(bad | too_small | out_of_evaluations)) return;
       end(bad, Status::non_finite);
       end(too_small, Status::step_too_small);
-      end(spent, Status::evaluations_spent);
+      end(out_of_evaluations, Status::evaluations_spent);
     }
   }
 
@@ -99,14 +99,14 @@ class LaneStepper {
     const Vec until = active ? step_end(fixed) : b.t_old, h = until - b.t_old, proposed = b.next;
     method_.stages(b, h, b.x);
     if constexpr (Method::fsal) {
-      equations_.settle(b, until, b.x, active);
+      equations_.normalise_and_project(b, until, b.x, active);
       method_.slope(b, until, b.x);
     }
     const Vec error = fixed ? Vec{} : method_.error_square(b, h);
     Mask good = active & (error < 1.0);
     if constexpr (!Method::fsal) {
       if (bits(good)) {
-        equations_.settle(b, until, b.x, good);
+        equations_.normalise_and_project(b, until, b.x, good);
         method_.slope(b, until, b.x);
       }
     }

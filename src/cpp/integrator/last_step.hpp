@@ -13,7 +13,7 @@ class LastStep {
   virtual const double* state() const = 0;
   virtual const double* old_state() const = 0;
   // x at t_old + s (t - t_old) without new evaluations, by a finer or a coarser polynomial.
-  virtual void sketch(double s, double* x, bool finer = true) = 0;
+  virtual void approximate(double s, double* x, bool finer = true) = 0;
   // Computes the dense output if it is not there, which may cost evaluations; false where that fails.
   virtual bool prepare() = 0;
   // Repeats the step with another size, so that the state at t_old + h is the end of a step. False: not finite.

@@ -81,7 +81,7 @@ class ObservedExtremes {
   Array<ObservedHistory> history_;
   Inputs in_;
   double end_ = 1;  // of the part of the step that counts, as a fraction of it
-  int spent_ = 0;
+  int values_used_ = 0;
 
   double length() const { return last_.t - last_.t_old; }
 
@@ -113,7 +113,7 @@ class ObservedExtremes {
     std::memcpy(y_, y_ + parts * count_, count_ * sizeof(double));
     take_end(t, x);
     if (!within_) return;
-    sketch(stepper, 2, 2);
+    approximate(stepper, 2, 2);
     bool clear = true;
     for (int j = 0; j < within_ && clear; ++j) clear = stays_within(j);
     if (!clear) search();
@@ -121,9 +121,9 @@ class ObservedExtremes {
 
   // Samples on the cheap polynomial, at every `stride`-th place from `first` on.
   template <class Stepper>
-  void sketch(Stepper& stepper, int first, int stride) {
+  void approximate(Stepper& stepper, int first, int stride) {
     for (int i = first; i < parts; i += stride) {
-      stepper.sketch(end_ * place[i], x_, i % 2 == 0);
+      stepper.approximate(end_ * place[i], x_, i % 2 == 0);
       evaluate(stepper.t_old + end_ * place[i] * length(), x_, y_ + i * count_);
     }
   }
@@ -165,21 +165,21 @@ class ObservedExtremes {
   double along(int j, double s) {
     between(s, value_);
     take(value_, within_);
-    ++spent_;
+    ++values_used_;
     return value_[j];
   }
 
   void between(double s, double* values) {
     const double t = last_.t_old + s * length();
-    last_.sketch(s, x_);  // the dense output, where it could be prepared
+    last_.approximate(s, x_);  // the dense output, where it could be prepared
     std::memcpy(plain_, x_, p_.n * sizeof(double));
-    rhs_.settle(t, x_);
+    rhs_.normalise_and_project(t, x_);
     rhs_.keep_velocity(plain_, x_);
     evaluate(t, x_, values);
   }
 
   __attribute__((noinline)) void search() {
-    sketch(last_, 1, 2);
+    approximate(last_, 1, 2);
     last_.prepare();
     std::memcpy(cheap_, y_, (parts + 1) * count_ * sizeof(double));
     for (int i = 1; i < parts; ++i) between(end_ * place[i], y_ + i * count_);
@@ -189,9 +189,9 @@ class ObservedExtremes {
       if (history_[j].constant) continue;
       double v[parts + 1];
       samples(y_, j, v);
-      spent_ = 0;
+      values_used_ = 0;
       search_interval(j, 0, end_, v, 0);
-      history_[j].exhausted += spent_ >= most_values;
+      history_[j].exhausted += values_used_ >= most_values;
     }
   }
 
@@ -223,7 +223,7 @@ class ObservedExtremes {
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
       const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
       if (smooth && turns_within(i, v)) climb(j, a, b, i, v);
-      else if (!smooth && depth + 1 < deepest && spent_ < most_values && history_[j].exhausted < ObservedHistory::patience)
+      else if (!smooth && depth + 1 < deepest && values_used_ < most_values && history_[j].exhausted < ObservedHistory::patience)
         again(j, left, v[i], right, v[i + 1], depth + 1);
     }
   }

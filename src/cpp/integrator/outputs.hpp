@@ -22,7 +22,7 @@ class Outputs {
   // A state between steps, which is not.
   void take_between(double t, double* x) {
     if (p_.project_batch) return keep(t, x, true);
-    settle(t, x);
+    project_between(t, x);
     record_.output(t, x);
   }
 
@@ -30,7 +30,7 @@ class Outputs {
     for (int pass = 0; pass < passes && waiting_ >= p_.lanes && project(); ++pass) correct();
     for (int i = 0; i < count_; ++i) {
       double* x = x_ + i * p_.n;
-      if (waits_[i]) settle(time_[i], x);
+      if (waits_[i]) project_between(time_[i], x);
       record_.output(time_[i], x);
     }
     count_ = waiting_ = 0;
@@ -56,10 +56,10 @@ class Outputs {
   }
 
   // Projects a state between the ends of steps.
-  void settle(double t, double* x) {
+  void project_between(double t, double* x) {
     if (!p_.project) return rhs_.normalise(x);
     std::memcpy(plain_, x, p_.n * sizeof(double));
-    rhs_.settle(t, x);
+    rhs_.normalise_and_project(t, x);
     rhs_.keep_velocity(plain_, x);
   }
 

@@ -63,7 +63,7 @@ class Radau final : public LastStep {
     bool again = false, bad = false;
     for (;; ++rejected) {
       if (h < least) return give_up(bad ? Outcome::non_finite : Outcome::too_small);
-      if (rhs_.spent()) return give_up(Outcome::spent);
+      if (rhs_.out_of_evaluations()) return give_up(Outcome::out_of_evaluations);
       double end = t_old + h;
       if (end > bound) end = bound;
       h = end - t_old;
@@ -84,7 +84,7 @@ class Radau final : public LastStep {
       constexpr int most = StageEquations<Blocks>::most_iterations;
       const double careful = safety * (2 * most + 1) / (2 * most + newton.iterations);
       const double factor = careful * predicted(h, error);
-      rhs_.settle(end, x_);
+      rhs_.normalise_and_project(end, x_);
       if (error <= 1 && equations_.slope(x_, end, end_f_)) {
         accept(end, h, error, planned, factor, newton, end == bound && !again);
         return Outcome::accepted;
@@ -97,12 +97,12 @@ class Radau final : public LastStep {
 
   Outcome fixed(double end) {
     begin_step();
-    if (rhs_.spent()) return give_up(Outcome::spent);
+    if (rhs_.out_of_evaluations()) return give_up(Outcome::out_of_evaluations);
     const double h = end - t_old;
     const Newton newton = solve(h, [&] { return equations_.iterate_fully(t_old, h, old_); });
     if (!newton.converged) return give_up(newton.bad ? Outcome::non_finite : Outcome::too_small);
     sum(x_, old_, equations_.last());
-    rhs_.settle(end, x_);
+    rhs_.normalise_and_project(end, x_);
     if (!equations_.slope(x_, end, end_f_)) return give_up(Outcome::non_finite);
     keep_dense(h);
     equations_.jacobian_is_new = false;
@@ -111,7 +111,7 @@ class Radau final : public LastStep {
     return Outcome::accepted;
   }
 
-  void sketch(double s, double* x, bool = true) override { interpolate(s, x); }
+  void approximate(double s, double* x, bool = true) override { interpolate(s, x); }
   void interpolate(double s, double* x) {
     for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(base_ + 4 * b) + polynomial(s, b);
     if (quadratures_ready_)
@@ -154,7 +154,7 @@ class Radau final : public LastStep {
     extrapolate(h, base_);
     if (!equations_.factors(h) || !equations_.iterate_fully(dense_t_, h, base_).converged) return false;
     sum(x, base_, equations_.last());
-    rhs_.settle(dense_t_ + h, x);
+    rhs_.normalise_and_project(dense_t_ + h, x);
     return true;
   }
 

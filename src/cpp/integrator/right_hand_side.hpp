@@ -96,7 +96,7 @@ class Rhs {
   const double* u() const { return u_; }
   double* held() { return u_ + (problem.signal_entries - problem.held.count); }
   const double* rest() const { return rest_; }  // n zeros
-  bool spent() const { return evaluations >= problem.max_evaluations; }
+  bool out_of_evaluations() const { return evaluations >= problem.max_evaluations; }
 
   // Fixes the interval of kinked signals for the steps between two stops.
   void pin(double from, double to) {
@@ -128,7 +128,7 @@ class Rhs {
   }
 
   // Normalises and projects a state at the end of a step.
-  BELLCRANK_INLINE void settle(double t, double* x) {
+  BELLCRANK_INLINE void normalise_and_project(double t, double* x) {
     normalise(x);
     if (problem.project) project(t, x);
   }

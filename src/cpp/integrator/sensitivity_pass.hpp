@@ -192,7 +192,7 @@ class SensitivityPass {
       const double error = stages(h) ? error_square(h) : NAN;
       if (error < 1) {
         t_ = h == left ? bound : t_old_ + h;
-        rhs_.settle(t_, y_);
+        rhs_.normalise_and_project(t_, y_);
         project(t_, y_, y_ + first_);
         if (slope(t_, k_ + last_ * size_)) {
           double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * std::pow(error, -0.0625));
@@ -306,7 +306,7 @@ class SensitivityPass {
     std::memcpy(kept_, y_, size_ * sizeof(double));
     std::memcpy(kept_ + size_, k_ + last_ * size_, size_ * sizeof(double));
     if (stages(time - t_old_)) {
-      rhs_.settle(time, y_);
+      rhs_.normalise_and_project(time, y_);
       project(time, y_, y_ + first_);
       std::memcpy(stage_, y_, size_ * sizeof(double));
     }

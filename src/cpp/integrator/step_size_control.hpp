@@ -9,7 +9,7 @@ namespace BELLCRANK_ISA {
 
 constexpr double safety = 0.9, least_factor = 0.2, largest_factor = 10;
 
-enum class Outcome { accepted, too_small, non_finite, spent };
+enum class Outcome { accepted, too_small, non_finite, out_of_evaluations };
 
 inline Status status_of(Outcome outcome) {
   return outcome == Outcome::too_small    ? Status::step_too_small

@@ -61,7 +61,7 @@ class StiffnessSwitching final : public LastStep {
     if (is_implicit_ ? explicit_pays() : implicit_may_pay()) change();
     if (!is_implicit_) return explicit_step(bound);
     const Outcome outcome = implicit_step(bound);
-    if (outcome == Outcome::accepted || outcome == Outcome::spent) return outcome;
+    if (outcome == Outcome::accepted || outcome == Outcome::out_of_evaluations) return outcome;
     change();  // DOP853 may pass a jump of a slope at which Newton's method fails
     return is_implicit_ ? outcome : explicit_step(bound);
   }
@@ -80,8 +80,8 @@ class StiffnessSwitching final : public LastStep {
     return outcome;
   }
 
-  void sketch(double s, double* x, bool finer = true) override {
-    is_implicit_ ? implicit_->sketch(s, x, finer) : explicit_.sketch(s, x, finer);
+  void approximate(double s, double* x, bool finer = true) override {
+    is_implicit_ ? implicit_->approximate(s, x, finer) : explicit_.approximate(s, x, finer);
   }
   bool prepare() override { return is_implicit_ ? implicit_->prepare() : explicit_.prepare(); }
   void interpolate(double s, double* x) { is_implicit_ ? implicit_->interpolate(s, x) : explicit_.interpolate(s, x); }

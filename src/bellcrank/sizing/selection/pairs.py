@@ -141,7 +141,7 @@ class Pairs:
     ) -> Pairs:
         """All combinations that can drive an axis.
 
-        A linear axis takes screws and racks, and nothing else does. A rotary axis also takes each motor without a gear,
+        Only linear axes accept screws and racks. A rotary axis also takes each motor without a gear,
         and takes a motor and gear sold as one only so. Flange and shaft must fit where both sides state them. A gear
         whose flange begins with the name of its maker is built into the motors that state this flange.
 

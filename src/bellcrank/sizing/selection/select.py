@@ -34,9 +34,7 @@ from bellcrank.sizing.subject import OneMotion, SizingSubject, override_notes, s
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
     from bellcrank.robot.robot import Robot
-    from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 
 EFFORT = 300_000
@@ -46,7 +44,7 @@ EFFORT_OF_MANY_PAIRS = 30_000
 
 @arguments.named
 def select(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None = None,
     catalogue: Catalogue | str | Path | Sequence[str | Path] | None = None,
     objective: Objective = "mass",
@@ -202,7 +200,7 @@ class PreparedSelection:
 
 
 def prepare_selection(
-    robot: Robot | Mechanism | RobotConfig | Scene | str | Path,
+    robot: Robot | Scene | str | Path,
     motions: OneMotion | Sequence[OneMotion] | None,
     catalogue: Catalogue | str | Path | Sequence[str | Path] | None,
     objective: Objective,

@@ -99,7 +99,7 @@ def _regeneration(pairs: Sequence[Pairs], axes: Sequence[ReducedCycle], conditio
     if not (energy > 0.0).any():
         return _judged(REGENERATION, 0.0, f"the axes together never give power back {name}")
     given_back = float(np.sum(np.maximum(-power, 0.0) * cycle.weight))
-    text = f"{given_back:.4g} J come back to the bus {name}"
+    text = f"{given_back:.4g} J are regenerated into the bus {name}"
     capacity, resistor = bus_capacity(pairs, conditions), conditions.brake_resistor_power
     peaks = _resistor_peaks(conditions)
     if resistor is None and not peaks:

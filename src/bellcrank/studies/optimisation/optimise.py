@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
-from bellcrank.scene.given_scene import given_scene
+from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.columns import varies
 from bellcrank.studies.executors import choose_executor
