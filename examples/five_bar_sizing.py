@@ -4,10 +4,7 @@ import bellcrank as bc
 
 
 def main() -> None:
-    config = bc.load_robot_config("five_bar")
-    linkage = bc.Linkage(bc.load_scene("five_bar"), config.robot())
-    motion = linkage.motion("pick")  # the motors' motion is given, the elbows follow
-    sizing = bc.size(linkage, motion)
+    sizing = bc.size("five_bar", "pick")  # the motors' motion is given, the elbows follow
     for joint in sizing.joints:
         margin = "no limit" if joint.effort_margin is None else f"{joint.effort_margin:+.0%}"
         print(f"{joint.name:12} peak {joint.peak_torque:.3f} N m, {joint.peak_speed:.2f} rad/s, margin {margin}")

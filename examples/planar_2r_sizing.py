@@ -4,9 +4,7 @@ import bellcrank as bc
 
 
 def main() -> None:
-    config = bc.load_robot_config("planar_2r")
-    robot = config.robot()
-    sizing = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
+    sizing = bc.size("planar_2r")
     for joint in sizing.joints:
         verdict = joint.shaft.verdict if joint.shaft else "no actuator"
         print(f"{joint.name:10} peak {joint.peak_torque:8.2f} {joint.torque_unit}, motor {verdict}")

@@ -4,11 +4,8 @@ import bellcrank as bc
 
 
 def main() -> None:
-    config = bc.load_robot_config("ur5")
-    loaded, empty = config.robot(), bc.load_robot("ur5")
-    motion = config.motion(loaded, "pick_and_place")
-    sizing = bc.size(loaded, motion, config.actuators)
-    without = bc.size(empty, config.motion(empty, "pick_and_place"), config.actuators)
+    sizing = bc.size("ur5", "pick_and_place")
+    without = bc.size("ur5", "pick_and_place", overrides={"payloads": []})
     print(f"{'joint':22} {'empty [N m]':>12} {'3 kg [N m]':>12}  motor")
     for joint in sizing.joints:
         light = without.joint(joint.name).peak_torque

@@ -17,8 +17,11 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.scene_inverse_dynamics import SceneInverseDynamics
 from bellcrank.errors import BellcrankError, InputError
+from tests.support.public_names import NAMES
+from tests.support.public_names import public as public_name
 
 # Classes that functions of the interface make, and which have no checks of their own: their methods are called here.
 MADE_BY = {
@@ -31,7 +34,6 @@ MADE_BY = {
     "FloquetModes": "floquet",
     "Robot": "load_robot",
     "Scene": "load_scene",
-    "RobotConfig": "load_robot_config",
     "Trajectory": "simulate",
     "RunSensitivity": "simulate",
     "EventSensitivity": "simulate",
@@ -213,10 +215,10 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Every public function and method with arguments that it takes, cheap ones; files go into the working folder."""
     robot = bc.load_robot("planar_2r")
     pendulum, four_bar = bc.load_scene("pendulum"), bc.load_scene("four_bar", {"motions.unfold.samples": 21})
-    linkage, linear = bc.Linkage(four_bar), bc.linearise(pendulum)
+    linkage, linear = Linkage(four_bar), bc.linearise(pendulum)
     hanging = bc.load_scene("pendulum", {"initial.swing": 0.0})
     loci, periodic = bc.root_loci(pendulum, "initial.swing", [0.1, 0.2]), bc.floquet(hanging, 1.0)
-    config = bc.load_robot_config("planar_2r")
+    config = bc.load_scene("planar_2r").config
     actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
     motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
@@ -322,7 +324,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "read_motion": (bc.read_motion, {"robot": robot, "path": "given.csv", "name": "own", "text": None}),
         "write_motion": (bc.write_motion, {"motion": motion, "path": "written.csv", "torque": np.zeros((11, 2)),
                                            "more": {("own", "W"): np.zeros(11)}}),
-        "load_robot_config": (bc.load_robot_config, {"path_or_name": "planar_2r", "trust": ["."]}),
+        "load": (bc.load, {"path_or_name": "planar_2r", "overrides": {"gravity": [0, 0, 0]}, "trust": ["."]}),
         "Actuator": (bc.Actuator, {
             "ratio": 100.0, "rated_torque": 1.0, "peak_torque": 2.0, "rated_speed": 300.0, "max_speed": 400.0,
             "efficiency": 0.9, "rotor_inertia": 1e-4, "gear_inertia": 1e-5, "safety_factor": 1.2,
@@ -352,7 +354,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(bc.MotionLimits(), of_joints={"key": "speed", "robot": robot}),
         "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6},
                                        "trust": ["."]}),
-        "Settings": (bc.Settings, {
+        "Settings": (bc.results.Settings, {
             "duration": 1.0, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": 0.1, "first_step": 0.1,
             "max_step": 0.1, "samples": 11, "max_evaluations": 1000, "error_bound": 1e-3,
             "stabilisation": "none"}),
@@ -390,7 +392,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              write_config={"path": "l.yaml"}),
         "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
-        "Linkage": (bc.Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
+        "Linkage": (Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
         "Linkage.leading": (linkage.leading, {"name": "unfold"}),
         "scene_derivatives": (bc.scene_derivatives, {
             "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
@@ -523,8 +525,8 @@ def public() -> dict[str, Any]:
     """Every public callable by its qualified name."""
     found = {}
     classes = [SceneInverseDynamics]
-    for name in bc.__all__:
-        thing = getattr(bc, name)
+    for name in NAMES:
+        thing = public_name(name)
         if inspect.isclass(thing) and name not in ERRORS:
             classes.append(thing)
             if name not in MADE_BY:
@@ -545,7 +547,7 @@ def finite(value: Any) -> bool:
         return not np.isnan(np.asarray(value, dtype=float)).any() if np.asarray(value).dtype.kind == "f" else True
     if isinstance(value, bc.Motion):
         return all(map(finite, (value.time, value.position, value.velocity, value.acceleration)))
-    if isinstance(value, bc.Trajectory):
+    if isinstance(value, bc.results.Trajectory):
         return finite(value.state)
     return all(map(finite, value)) if isinstance(value, (tuple, list)) else True
 
@@ -701,4 +703,4 @@ def test_the_largest_payload_and_ratio_give_finite_torques() -> None:
 def test_a_prepared_simulation_made_of_something_else_is_refused():
     for given, words in (((1, {}), "argument 'scene': expected a scene"), ((bc.load_scene("pendulum"), 3), "'given'")):
         with pytest.raises(bc.InputError, match=words):
-            bc.PreparedSimulation(*given)
+            bc.results.PreparedSimulation(*given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from operator import attrgetter
 
 import bellcrank as bc
 
@@ -21,14 +22,15 @@ TITLES = {
     "replays": "Replays and reports",
     "errors": "Errors",
 }
-NAME = re.compile(r"(?<!\[)(?P<code>`bc\.(?P<name>\w+)(?:\.\w+)*(?:\([^`]*\))?`)(?!\])")
+NAME = re.compile(r"(?<!\[)(?P<code>`bc\.(?P<name>results\.\w+|\w+)(?:\.\w+)*(?:\([^`]*\))?`)(?!\])")
 ROOMS = {"reports": "replays", "codegen": "dynamics"}  # rooms without a page of their own
+HOME = {**bc._HOME, **{f"results.{name}": home for name, home in bc.results._HOME.items()}}  # public name -> module
 
 
 def groups() -> dict[str, list[str]]:
     """Room -> public names that live in it, in the order of TITLES. Raises KeyError for a room without a title."""
     found: dict[str, list[str]] = {room: [] for room in TITLES}
-    for name, home in bc._HOME.items():
+    for name, home in HOME.items():
         room = home.partition(".")[0]
         found[ROOMS.get(room, room)].append(name)
     return {room: names for room, names in found.items() if names}
@@ -54,9 +56,9 @@ def index() -> str:
     for room, names in groups().items():
         lines += [f"\n## {TITLES[room]}\n", "| name | meaning | source |", "|---|---|---|"]
         for name in names:
-            sentence = re.split(r"(?<=\.)\s", inspect.getdoc(getattr(bc, name)) or "", maxsplit=1)[0]
+            sentence = re.split(r"(?<=\.)\s", inspect.getdoc(attrgetter(name)(bc)) or "", maxsplit=1)[0]
             sentence = " ".join(sentence.replace("|", "\\|").split())
-            home = bc._HOME[name].replace(".", "/")
+            home = HOME[name].replace(".", "/")
             lines.append(f"| `bc.{name}` | {sentence} | `bellcrank/{home}.py` |")
     return "\n".join([*lines, ""])
 
@@ -66,7 +68,7 @@ def linked(markdown: str) -> str:
 
     def link(found: re.Match[str]) -> str:
         code, name = found["code"], found["name"]
-        return f"[{code}][bellcrank.{name}]" if name in bc._HOME else code
+        return f"[{code}][bellcrank.{name}]" if name in HOME else code
 
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
     return "".join(part if part.startswith("```") else NAME.sub(link, part) for part in parts)

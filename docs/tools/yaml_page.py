@@ -69,7 +69,7 @@ def _row(section: str, key: str, given: Any, asked: Asked) -> str:
         number, comma, unit = value.rpartition(", ")
         value = f"{number}{comma}{unit} or {SLIDING[unit]}" if unit in SLIDING else value
     if section == "simulate" and default is None:
-        setting = getattr(bc.Settings(), key)
+        setting = getattr(bc.results.Settings(), key)
         default = setting.kind if key == "stabilisation" else f"{setting:g}" if isinstance(setting, float) else setting
     cells = [f"`{key}`", value, "" if default is None else str(default), given["text"]]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 AGREE = 1e-9
 CATALOGUE = bc.load_catalogue()
@@ -71,7 +72,7 @@ def _arm(rng, seed, folder):
 def _linkage(rng):
     name = str(rng.choice(list(LINKAGES)))
     plain = bc.load_scene(name)
-    motors = [joint.name for joint in bc.Linkage(plain).motors]
+    motors = [joint.name for joint in Linkage(plain).motors]
     kept = {motor: _pair(rng, "revolute") for motor in motors}
     changes = {
         "gravity": [float(x) for x in rng.normal(scale=7.0, size=3)],

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from own_products import write_products
 
+import bellcrank as bc
 from bellcrank.actuators.condition_fields import KEYS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.cli import main
 from bellcrank.commands.select import conditions, parse_assumed, parse_kept, products
 from bellcrank.errors import InputError
-from bellcrank.scene.robot_config import load_robot_config
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def test_the_written_configuration_holds_the_values_that_were_set(
     assert "differ from those of geared_pendulum.yaml: gravity = [0, 0, -1.62]" in " ".join(
         capsys.readouterr().out.split()
     )
-    assert load_robot_config(written).gravity == (0.0, 0.0, -1.62)
+    assert bc.load_scene(written).config.gravity == (0.0, 0.0, -1.62)
 
 
 @pytest.mark.tier2
@@ -213,6 +213,6 @@ def test_without_feedback_the_written_configuration_has_no_masses_of_actuators(o
     for options, payloads in (([], 1), (["--no-feedback"], 0)):
         written = tmp_path / f"chosen_{payloads}.yaml"
         assert main([*given, *options, "--write-config", str(written), "--out", str(tmp_path / "out")]) == 0
-        config = load_robot_config(written)
-        assert len(config.payloads) - len(load_robot_config("geared_pendulum").payloads) == payloads
+        config = bc.load_scene(written).config
+        assert len(config.payloads) - len(bc.load_scene("geared_pendulum").config.payloads) == payloads
         assert bool(config.mounts) is bool(payloads)

@@ -12,13 +12,14 @@ import pytest
 from PIL import Image
 from two_link import TwoLink, circle_states
 
+import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.commands.options import parse_payload
 from bellcrank.commands.size import parse_share
 from bellcrank.errors import InputError
 from bellcrank.motion.csv_file import read_motion, write_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.scene.robot_config import RobotConfig, load_robot_config
+from bellcrank.scene.robot_config import RobotConfig
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.size import size
 from bellcrank.sizing.sizing_files import csv_text, earlier_files, json_text
@@ -121,7 +122,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing_behind(
 
 
 def test_a_motion_from_a_file(tmp_path: Path) -> None:
-    config = load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     robot = config.robot()
     write_motion(config.motion(robot, "lift_and_return"), tmp_path / "lift.csv")
     assert (
@@ -177,7 +178,7 @@ def test_file_names_are_safe() -> None:
 
 def test_histories_hold_the_torques_and_can_be_read_as_motions(tmp_path: Path) -> None:
     assert main(["size", "geared_pendulum", "--out", str(tmp_path / "out"), "--no-plots"]) == 0
-    config = load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     robot = config.robot()
     for name in config.motions:
         path = tmp_path / "out" / f"history_{name}.csv"
@@ -227,7 +228,7 @@ def test_a_sizing_json_that_lists_nothing_is_passed_over(tmp_path: Path, text: s
 
 @pytest.mark.tier2
 def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_their_text(tmp_path: Path) -> None:
-    config = load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     seen = []
     for tolerance in (0.0, 0.1):
         figures = sizing_figures(size(config, mass_tolerance=tolerance))
@@ -290,7 +291,7 @@ def test_set_of_size_speaks_as_simulate_does(capsys: pytest.CaptureFixture[str])
 
 
 def test_overrides_of_size_need_a_file() -> None:
-    config = load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     for robot in (config, config.robot()):
         with pytest.raises(InputError, match="argument 'overrides': it changes values of a scene"):
             size(robot, overrides={"name": "other"})

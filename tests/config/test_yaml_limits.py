@@ -127,7 +127,7 @@ def test_a_table_of_waypoints_with_many_numbers_is_read(tmp_path: Path) -> None:
     }
     path = tmp_path / "card.yaml"
     path.write_text(yaml.safe_dump({"urdf": "ur5", "motions": {"go": motion}}, default_flow_style=None))
-    assert len(bc.load_robot_config(path).motions["go"].times) == rows
+    assert len(bc.load_scene(path).config.motions["go"].times) == rows
 
 
 def joins(levels: int, width: int) -> str:
@@ -141,15 +141,15 @@ def test_joins_of_joins_are_counted_and_refused_before_they_are_built(tmp_path: 
     path = tmp_path / "card.yaml"
     path.write_text(joins(9, 10))
     with pytest.raises(InputError, match=r"motions.j5.parts .*at most 10000 motions, found 100000"):
-        bc.load_robot_config(path)
+        bc.load_scene(path)
     path.write_text(joins(2000, 1))
     with pytest.raises(InputError, match="joins are nested more than 50 deep"):
-        bc.load_robot_config(path)
+        bc.load_scene(path)
     path.write_text(
         joins(4, 10)
         + "".join(f"  k{k}: {{kind: join, parts: [{'j4' if k == 0 else f'k{k - 1}'}]}}\n" for k in range(40))
     )
-    assert len(bc.load_robot_config(path).motions) == 45  # MOST_PARTS parts behind 40 joins
+    assert len(bc.load_scene(path).config.motions) == 45  # MOST_PARTS parts behind 40 joins
     assert MOST_PARTS == 10**4
 
 
@@ -162,18 +162,18 @@ def test_joins_in_place_count_too_and_cycles_stay_refused(tmp_path: Path) -> Non
     head = "urdf: planar_2r\nmotions:\n  b: {kind: dwell, position: [0, 0], duration: 1}\n"
     path.write_text(f"{head}  a: {{kind: join, parts: [b, b]}}\n  c: {part}\n")
     with pytest.raises(InputError, match="at most 10000 motions, found 20000"):
-        bc.load_robot_config(path)
+        bc.load_scene(path)
     path.write_text(
         f"{head}  a: {{kind: join, parts: [d]}}\n  d: {{kind: join, parts: [{{kind: join, parts: [a]}}]}}\n"
     )
     with pytest.raises(InputError, match="is joined to itself"):
-        bc.load_robot_config(path)
+        bc.load_scene(path)
 
 
 def test_a_join_of_joins_moves_as_its_parts_one_after_the_other(tmp_path: Path) -> None:
     path = tmp_path / "card.yaml"
     path.write_text(joins(2, 3))
-    config = bc.load_robot_config(path)
+    config = bc.load_scene(path).config
     motion = config.motion(config.robot(), "j2")
     assert motion.time[-1] == pytest.approx(9.0, rel=1e-14)
 

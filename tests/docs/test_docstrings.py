@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from tests.support.public_names import NAMES, public
 
-NAMES = [name for name in bc.__all__ if not name.startswith("__")]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 SECTION = re.compile(r"^(Args|Returns|Raises|Yields|Attributes|Examples?):$", re.MULTILINE)
 
@@ -32,7 +32,7 @@ def members(cls):
 def parts(names=tuple(NAMES)):
     """(name, the function or None for what is an attribute, docstring) of each public function, method and property."""
     for name in names:
-        thing = getattr(bc, name)
+        thing = public(name)
         if not inspect.isclass(thing):
             yield name, thing, inspect.getdoc(thing) or ""
             continue
@@ -75,12 +75,12 @@ def missing(names=tuple(NAMES)):
                 found.append(f"{name}: no Returns")
             if raises(function) and "Raises" not in there:
                 found.append(f"{name}: no Raises")
-        elif "." not in name and is_dataclass(getattr(bc, name)):
-            public = [field.name for field in fields(getattr(bc, name)) if not field.name.startswith("_")]
-            untold = [each for each in public if not re.search(rf"\b{each}\b", text)]
+        elif "." not in name and is_dataclass(public(name)):
+            listed = [field.name for field in fields(public(name)) if not field.name.startswith("_")]
+            untold = [each for each in listed if not re.search(rf"\b{each}\b", text)]
             found += [f"{name}: field '{each}' is not documented" for each in untold]
     for name in names:
-        thing = getattr(bc, name)
+        thing = public(name)
         texts = [inspect.getdoc(thing) or "", *(text for *_, text in members(thing))] if inspect.isclass(thing) else []
         if not any(">>>" in text for text in texts or [inspect.getdoc(thing) or ""]):
             found.append(f"{name}: no example")

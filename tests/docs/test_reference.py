@@ -10,6 +10,7 @@ import yaml_page
 from yaml_recorder import recorded
 
 import bellcrank as bc
+from tests.support.public_names import NAMES
 
 
 @pytest.mark.parametrize("path", reference.pages(), ids=lambda path: path.name)
@@ -35,7 +36,7 @@ def test_units_and_defaults_are_those_of_the_readers():
     page = yaml_page.page()
     assert "| `stiffness` | number, N m/rad or N/m |" in page
     assert "| `gravity` | 3 numbers, m/s^2 | [0, 0, -9.81] |" in page
-    assert f"| `rtol` | number > 0 | {bc.Settings().rtol:g} |" in page
+    assert f"| `rtol` | number > 0 | {bc.results.Settings().rtol:g} |" in page
 
 
 def test_every_command_and_option_is_on_the_page():
@@ -49,10 +50,13 @@ def test_every_command_and_option_is_on_the_page():
 
 def test_every_public_name_is_on_a_page():
     text = "\n".join(api_pages.pages().values())
-    for name in (name for name in bc.__all__ if not name.startswith("__")):
-        assert len(re.findall(rf"^::: bellcrank\.{name}$", text, re.MULTILINE)) == 1
-        assert f"| `bc.{name}` | " in api_pages.index()
+    for name in NAMES:
+        place = f"results.{name}" if name in bc.results.__all__ else name
+        assert len(re.findall(rf"^::: bellcrank\.{place}$", text, re.MULTILINE)) == 1
+        assert f"| `bc.{place}` | " in api_pages.index()
 
 
 def test_type_checkers_are_told_all_public_names():
-    assert sorted(bc.__all__) == sorted(["__version__", *bc._HOME])
+    assert sorted(bc.__all__) == sorted(["__version__", "results", *bc._HOME])
+    assert sorted(bc.results.__all__) == sorted(bc.results._HOME)
+    assert not {*bc.__all__} & {*bc.results.__all__} and len(bc.__all__) <= 65

@@ -7,6 +7,7 @@ from scipy.optimize import minimize
 
 import bellcrank as bc
 from bellcrank.cli import main
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.frame_motions import line
@@ -182,7 +183,7 @@ def test_a_speed_factor_makes_a_path_of_a_linkage_faster(tmp_path):
     scene = delta(tmp_path, "slides", PICK)
     for name in ("pick", "there_and_back"):
         once, fast = (
-            bc.Linkage(bc.load_scene(scene.source, overrides={f"motions.{name}.speed_factor": factor})).motion(name)
+            Linkage(bc.load_scene(scene.source, overrides={f"motions.{name}.speed_factor": factor})).motion(name)
             for factor in (1.0, 2.0)
         )
         np.testing.assert_allclose(fast.time, 0.5 * once.time)

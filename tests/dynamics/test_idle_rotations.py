@@ -8,6 +8,7 @@ import yaml
 from extended_robots import diagonal, joint, link
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.errors import BellcrankError, InputError
 
 ROD = "".join(
@@ -49,7 +50,7 @@ def test_a_rod_between_two_balls_turns_freely(tmp_path):
     is slender, so that turning changes the torque by little.
     """
     path = written(tmp_path, "spherical")
-    linkage = bc.Linkage(bc.load_scene(path))
+    linkage = Linkage(bc.load_scene(path))
     (turn,) = linkage.idle_rotations
     assert turn.joints == ("ball",) and turn.links == ("rod",)
     np.testing.assert_allclose(turn.rates[linkage.robot.joint("ball").v :][:3], [1.0, 0.0, 0.0], atol=1e-12)
@@ -62,7 +63,7 @@ def test_a_rod_between_two_balls_turns_freely(tmp_path):
     sizing = bc.size(path)
     assert any("idle rotation" in text for text in sizing.warnings)
     assert sizing.joint("turn").sampled_torque == pytest.approx(np.abs(free).max(), rel=1e-9)
-    held = bc.Linkage(bc.load_scene(written(tmp_path, "universal", '<axis xyz="0 1 0"/><axis2 xyz="0 0 1"/>')))
+    held = Linkage(bc.load_scene(written(tmp_path, "universal", '<axis xyz="0 1 0"/><axis2 xyz="0 0 1"/>')))
     whole = held.motion("wave")
     torque = held.torques(whole.time, whole.position, whole.velocity, whole.acceleration)[0][:, 0]
     assert 0.0 < np.abs(torque - free).max() < 2e-3 * np.abs(torque).max()
@@ -70,7 +71,7 @@ def test_a_rod_between_two_balls_turns_freely(tmp_path):
 
 def test_the_rod_accelerates_by_itself_so_that_no_torque_turns_it(tmp_path):
     """Torque, force at the pin and the rod's own acceleration α together solve S τ + Jᵀ λ − M n α = M a + h."""
-    linkage = bc.Linkage(bc.load_scene(written(tmp_path, "spherical")))
+    linkage = Linkage(bc.load_scene(written(tmp_path, "spherical")))
     motion, robot = linkage.motion("wave"), linkage.robot
     torque, force = linkage.torques(motion.time, motion.position, motion.velocity, motion.acceleration)
     turn, own = np.zeros((2, robot.nv))
@@ -86,7 +87,7 @@ def test_the_rod_accelerates_by_itself_so_that_no_torque_turns_it(tmp_path):
 
 
 def test_the_torque_is_the_power_of_the_motion(tmp_path):
-    linkage = bc.Linkage(bc.load_scene(written(tmp_path, "universal", '<axis xyz="0 1 0"/><axis2 xyz="0 0 1"/>')))
+    linkage = Linkage(bc.load_scene(written(tmp_path, "universal", '<axis xyz="0 1 0"/><axis2 xyz="0 0 1"/>')))
     motion = linkage.motion("wave")
     states = (motion.time, motion.position, motion.velocity, motion.acceleration)
     torque, _ = linkage.torques(*states)
@@ -126,7 +127,7 @@ def test_a_link_with_one_connection_is_not_idle(tmp_path):
 def test_motors_that_leave_more_than_idle_rotations_are_refused(tmp_path):
     more = link("bob", "0 0 -0.1", 0.2) + joint("hang", "continuous", "crank", "bob", '<axis xyz="0 1 0"/>')
     path = written(tmp_path, "spherical", text=ROD.replace("</robot>", more + "</robot>"))
-    linkage = bc.Linkage(bc.load_scene(path))
+    linkage = Linkage(bc.load_scene(path))
     q = linkage.kinematics.start[None]
     zero = np.zeros((1, linkage.robot.nv))
     with pytest.raises(BellcrankError, match=r"cannot move the 3 degrees of freedom \(1 of them idle rotations"):
@@ -141,7 +142,7 @@ def test_a_motor_on_the_axis_of_the_rod_is_not_idle(tmp_path):
     parts = parts.replace('<child link="rod"/>', f'<child link="half"/>{axes}').replace("</robot>", half + "</robot>")
     keys = {"actuated": ["turn", "spin"]}
     path = written(tmp_path, "universal", text=parts, **keys)
-    assert bc.Linkage(bc.load_scene(path)).idle_rotations == ()
+    assert Linkage(bc.load_scene(path)).idle_rotations == ()
     with pytest.raises(InputError, match=r"has 2 degrees of freedom and this motion prescribes 1 \(turn\)"):
         bc.size(path)
 
@@ -151,7 +152,7 @@ def test_a_path_of_a_frame_leaves_idle_rotations_free(tmp_path):
     """The pin of the arm moves along z; the rod turns freely, as in the motion of the motor that it follows from."""
     lift = {"kind": "line", "frame": "pin", "coordinates": ["z"], "duration": 1.0, "end": [0, 0, 0.2], "samples": 61}
     path = written(tmp_path, "spherical", motions={"lift": lift})
-    linkage = bc.Linkage(bc.load_scene(path))
+    linkage = Linkage(bc.load_scene(path))
     motion, independent = linkage.along("lift")
     assert independent == ("turn",)
     height = linkage.robot.frame_pose("pin", motion.position)[0][:, 2]
@@ -182,4 +183,4 @@ def test_forces_in_the_rod_are_in_the_results(tmp_path):
 
 
 def test_idle_rotations_are_found_whatever_else_moves():
-    assert bc.Linkage(bc.load_scene("five_bar")).idle_rotations == ()
+    assert Linkage(bc.load_scene("five_bar")).idle_rotations == ()

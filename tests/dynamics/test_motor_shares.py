@@ -5,6 +5,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.dynamics import motor_shares as module
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.dynamics.motor_shares import motor_shares, torque_shares
 
@@ -18,7 +19,7 @@ def test_shares_of_determined_joints_are_those_of_the_singular_values(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     linkage = mechanism_of(bc.load_scene(name))
-    assert isinstance(linkage, bc.Linkage)
+    assert isinstance(linkage, Linkage)
     motion = linkage.motion(MOTIONS[name])
     t, q = motion.time[::50], motion.position[::50]
     jacobian = linkage.kinematics.jacobian(t, q)
@@ -35,7 +36,7 @@ def test_shares_of_determined_joints_are_those_of_the_singular_values(
 
 @pytest.mark.parametrize("off", [0.0, 1e-9])
 def test_motors_at_a_dead_point_are_refused_as_with_singular_values(off: float) -> None:
-    linkage = bc.Linkage(bc.load_scene("four_bar"))
+    linkage = Linkage(bc.load_scene("four_bar"))
     motion = linkage.motion("unfold")
     t, q = motion.time[:3], motion.position[:3]
     jacobian = linkage.kinematics.jacobian(t, q).copy()

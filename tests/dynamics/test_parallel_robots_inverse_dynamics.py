@@ -21,6 +21,7 @@ import pytest
 import yaml
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 FOLDER = Path(__file__).parent / "parallel_robots"  # BSD-3-Clause, see the LICENSE there
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -147,7 +148,7 @@ def null_space(matrix):
 
 def swung(name):
     """(linkage, motion): the motors of a robot swing by up to 0.25 rad about the posture where it starts."""
-    linkage = bc.Linkage(bc.load_scene(FOLDER / name / "robot.urdf"))
+    linkage = Linkage(bc.load_scene(FOLDER / name / "robot.urdf"))
     start = linkage.kinematics.start
     begin = {joint.name: float(start[joint.q]) for joint in linkage.motors}
     swings = np.random.default_rng(7).uniform(-0.25, 0.25, (3, len(begin)))

@@ -247,7 +247,7 @@ def test_what_the_user_writes_on_the_command_line_is_read_wherever_it_is(project
     with pytest.raises(InputError, match="is not allowed"):  # of another key
         bc.load_scene(scene(project, f"urdf: {private}/x.urdf\n"), {"gravity": [0, 0, -1]})
     assert bc.load_scene(private / "x.urdf").robot.name == "planar_2r"
-    assert bc.load_robot_config(private / "x.urdf").robot().name == "planar_2r"
+    assert bc.load_scene(private / "x.urdf").config.robot().name == "planar_2r"
 
 
 def test_bundled_robots_and_data_may_be_named_from_anywhere(project: Path) -> None:
@@ -361,8 +361,8 @@ def test_a_scene_does_not_lend_its_urdf_a_wider_area(project: Path) -> None:
     (project.parent / "private" / "m.stl").write_bytes(TRIANGLE)
     path = scene(project, "urdf: ../up.urdf\n")
     assert not drawn(bc.load_scene(path).robot)[0]
-    assert not drawn(bc.load_robot_config(path).robot())[0]
-    assert drawn(bc.load_robot_config(path, trust=project.parent / "private").robot())[0]
+    assert not drawn(bc.load_scene(path).config.robot())[0]
+    assert drawn(bc.load_scene(path, trust=project.parent / "private").config.robot())[0]
     assert drawn(bc.load_robot(project / "up.urdf"))[0]  # named by the user, it has an area of its own
 
 

@@ -286,7 +286,7 @@ def test_a_sweep_whose_last_table_cannot_be_written_names_the_one_that_is(tmp_pa
     def full(*_):
         raise InputError("cannot write sweep.json: No space left on device")
 
-    monkeypatch.setattr(bc.Sweep, "to_json", full)
+    monkeypatch.setattr(bc.results.Sweep, "to_json", full)
     command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1,0.2", "--no-plots", "--out", str(tmp_path)]
     assert main(command) == 2
     assert capsys.readouterr().err.endswith("left on device; all designs are in sweep.csv\n")

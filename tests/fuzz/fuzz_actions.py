@@ -61,7 +61,7 @@ def sentence(text: str) -> None:
         raise Wrong("a message with an escape code")
 
 
-def finished(run: bc.Trajectory) -> None:
+def finished(run: bc.results.Trajectory) -> None:
     """Of a run that came to its end all numbers are finite, or a warning names what is not."""
     run.summary()
     if not len(run.time) or not np.isfinite(run.time).all():
@@ -131,7 +131,7 @@ def motion(path: str) -> None:
         raise Wrong("a motion that is written and read is another one")
 
 
-def sized(sizing: bc.Sizing) -> None:
+def sized(sizing: bc.results.Sizing) -> None:
     repr(sizing)
     for joint in sizing.joints:
         for name, value in vars(joint).items():
@@ -205,7 +205,7 @@ def sweep(path: str, axes: Any, more: dict[str, Any]) -> None:
 SAMPLING = ("sample", "method", "seed")
 
 
-def swept(found: bc.Sweep) -> None:
+def swept(found: bc.results.Sweep) -> None:
     repr(found)
     for design in found.designs:
         if not design.reason and any(math.isnan(value) for value in design.measures.values()):
@@ -233,14 +233,14 @@ def select(path: str, objective: str, judged: bool) -> None:
     whole(Path())
 
 
-def verdict(found: bc.DriveVerdicts) -> None:
+def verdict(found: bc.results.DriveVerdicts) -> None:
     """A use that is not known is none: never nan."""
     if "NaN" in found.to_json("judged.json").read_text():
         raise Wrong("a verdict with nan")
 
 
 def moves(path: str) -> None:
-    config, arm = bc.load_robot_config(path), bc.load_robot("planar_2r")
+    config, arm = bc.load_scene(path).config, bc.load_robot("planar_2r")
     for name in config.motions:
         it = config.motion(arm, name)
         if not all(np.isfinite(part).all() for part in (it.time, it.position, it.velocity, it.acceleration)):
@@ -376,7 +376,7 @@ def _calls(x: Any, y: Any) -> Iterator[Callable[[], Any]]:
     yield functools.partial(bc.Motion, arm.joints, x, [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]])
     yield functools.partial(bc.load_run, x)
     yield functools.partial(bc.load_scene, x)
-    yield functools.partial(bc.load_robot_config, x)
+    yield functools.partial(bc.load, x)
     yield functools.partial(bc.read_motion, arm, x)
     yield functools.partial(bc.check_urdf, x)
     for method in (run.joint, run.frame, run.output, run.constraint):

@@ -14,6 +14,7 @@ from fuzz_damage import Damage
 from fuzz_seeds import NUMBERS, WORDS
 
 import bellcrank as bc
+from tests.support.public_names import NAMES, public
 
 # By name of a parameter: a right value where it is required.
 RIGHT: dict[str, Callable[[], Any]] = {
@@ -53,7 +54,7 @@ def _swing() -> bc.Motion:
 
 
 @functools.cache
-def _run() -> bc.Trajectory:
+def _run() -> bc.results.Trajectory:
     return bc.simulate("planar_2r_swing", duration=0.05, samples=5)
 
 
@@ -61,7 +62,6 @@ def _run() -> bc.Trajectory:
 OBJECTS: dict[str, Callable[[], Any]] = {
     "Robot": _robot, "Motion": _swing, "Trajectory": _run,
     "Scene": functools.cache(lambda: bc.load_scene("pendulum")),
-    "RobotConfig": functools.cache(lambda: bc.load_robot_config("planar_2r")),
     "Sizing": functools.cache(lambda: bc.size(_robot(), _swing())),
     "Sweep": functools.cache(lambda: bc.sweep("pendulum", {"initial.swing": [0.1, 0.2]}, threads=1,
                                               overrides={"simulate.duration": 0.1})),
@@ -85,11 +85,11 @@ OBJECTS: dict[str, Callable[[], Any]] = {
 def names() -> tuple[str, ...]:
     """All public functions and classes, and methods of the objects above, as "NAME" or "CLASS.METHOD"."""
     found = [
-        name for name in bc.__all__
-        if name in MADE or (inspect.isfunction(getattr(bc, name)) and name not in LEFT_OUT)
+        name for name in NAMES
+        if name in MADE or (inspect.isfunction(public(name)) and name not in LEFT_OUT)
     ]  # fmt: skip
     for name in OBJECTS:
-        kind = getattr(bc, name)
+        kind = public(name)
         found += [
             f"{name}.{method}"
             for method in sorted(vars(kind).keys() | {m for base in kind.__mro__[1:-1] for m in vars(base)})
@@ -100,7 +100,7 @@ def names() -> tuple[str, ...]:
 
 def _target(name: str) -> Callable[..., Any]:
     if "." not in name:
-        found: Callable[..., Any] = getattr(bc, name)
+        found: Callable[..., Any] = public(name)
         return found
     kind, method = name.split(".")
     found = getattr(OBJECTS[kind](), method)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +90,7 @@ def test_what_is_unknown_of_a_motion_stays_with_it_when_it_is_joined(arm, tmp_pa
 @pytest.mark.tier2
 def test_a_linkage_that_follows_a_file_with_few_digits_does_not_start_moving(tmp_path):
     scene = bc.load_scene("five_bar")
-    motion = bc.Linkage(scene).motion("pick")
+    motion = Linkage(scene).motion("pick")
     names = ("left_motor", "right_motor")
     columns = [motion.position[:, scene.robot.joint(name).q] for name in names]
     rows = [",".join([f"{t:.4f}", *(f"{x:.6f}" for x in row)]) for t, *row in zip(motion.time, *columns, strict=True)]

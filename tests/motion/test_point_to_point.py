@@ -180,11 +180,11 @@ def test_moves_of_a_configuration_are_sized_and_sped_up(tmp_path: Path) -> None:
         "  whole:\n    kind: join\n    parts:\n      - there\n      - {kind: dwell, duration: 0.2}\n"
         "      - {kind: point_to_point, to: {}, acceleration: {elbow: 5}, profile: trapezoid, share: 50 %}\n"
     )
-    config = bc.load_robot_config(tmp_path / "moves.yaml")
-    whole = config.motion(config.robot(), "whole")
+    scene = bc.load_scene(tmp_path / "moves.yaml")
+    whole = scene.motion("whole")
     assert whole.position[-1] == pytest.approx([0.0, 0.0], abs=1e-15)
-    assert bc.size(config, ["there"]).joint("elbow").peak_speed <= np.pi / 2.0 + 1e-12
-    assert bc.time_optimal(config, "there", costs=False).duration < whole.duration
+    assert bc.size(scene, ["there"]).joint("elbow").peak_speed <= np.pi / 2.0 + 1e-12
+    assert bc.time_optimal(scene, "there", costs=False).duration < whole.duration
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def test_moves_of_a_configuration_are_sized_and_sped_up(tmp_path: Path) -> None:
 def test_wrong_entries_are_refused(tmp_path: Path, keys: str, message: str) -> None:
     (tmp_path / "m.yaml").write_text(f"name: m\nurdf: planar_2r\nmotions:\n  m: {{kind: point_to_point, {keys}}}\n")
     with pytest.raises(bc.InputError, match=message):
-        config = bc.load_robot_config(tmp_path / "m.yaml")
-        config.motion(config.robot(), "m")
+        scene = bc.load_scene(tmp_path / "m.yaml")
+        scene.motion("m")
 
 
 @pytest.mark.parametrize("acceleration", [1e-160, 1e-300, 5e-324])

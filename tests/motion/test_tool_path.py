@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.motion.tool_path import arc
 
 Array = NDArray[np.float64]
@@ -101,7 +102,7 @@ def test_a_closed_delta_robot_follows_a_path_with_a_blend_and_a_stop() -> None:
         "blend": 0.04, "samples": 101,
     }  # fmt: skip
     scene = bc.load_scene("delta", overrides={"motions": {"pick": pick}})
-    motion = bc.Linkage(scene).motion("pick")
+    motion = Linkage(scene).motion("pick")
     position = np.array([scene.robot.frame_pose("tool", q)[0] for q in motion.position])
     missed = {k: np.linalg.norm(position - np.array(p), axis=1).min()
               for k, p in enumerate([[-0.2, -0.05, -0.75], [0.2, 0.05, -0.75], [0.2, 0.05, -0.85]])}  # fmt: skip
@@ -142,7 +143,7 @@ def test_the_entry_of_a_configuration_is_the_function(tmp_path: Path) -> None:
         "    begin: [1200 mm, 0.3, 0]\n    points: [[1.2, 0.8, 0], {to: [0.8, 0.8, 0], blend: 0},"
         " {via: [0.6, 1, 0], to: [0.8, 1.2, 0]}]\n    blend: 20 mm\n    speed: 0.5\n    acceleration: 4\n    jerk: 60\n"
     )
-    config = bc.load_robot_config(tmp_path / "m.yaml")
+    config = bc.load_scene(tmp_path / "m.yaml").config
     robot = config.robot()
     found = config.motion(robot, "seam")
     same = along(robot, [POINTS[0], {"to": POINTS[1], "blend": 0.0}, POINTS[2]], blend=0.02)
@@ -154,4 +155,4 @@ def test_the_entry_of_a_configuration_is_the_function(tmp_path: Path) -> None:
             "acceleration: 1, jerk: 1}\n"
         )
         with pytest.raises(bc.InputError, match="points"):
-            bc.load_robot_config(tmp_path / "w.yaml")
+            bc.load_scene(tmp_path / "w.yaml")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -11,26 +9,27 @@ import bellcrank as bc
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.planning.fastest_pass import fastest_on_grid
 from bellcrank.planning.path_limits import PathLimits
+from tests.support.scenes import with_actuators
 
 pytestmark = pytest.mark.tier2
 
 MOTOR = {"peak_torque": 0.6, "nominal_torque": 0.3, "nominal_speed": 300.0, "max_speed": 700.0, "rotor_inertia": 2e-5}
 
 
-def pendulum(**gear: object) -> bc.RobotConfig:
-    config = bc.load_robot_config("geared_pendulum")
+def pendulum(**gear: object) -> bc.Scene:
+    scene = bc.load_scene("geared_pendulum")
     motor = bc.Motor(id="m", maker="", model="", peak_curve=((0.0, 0.6), (700.0, 0.3)), **MOTOR)  # type: ignore[arg-type]
     chosen = bc.Gear(id="g", maker="", model="", kind="planetary", ratio=50.0, inertia=0.0, rated_torque=20.0, **gear)  # type: ignore[arg-type]
-    return dataclasses.replace(config, actuators={"shoulder": bc.Actuator.of(motor, chosen)})
+    return with_actuators(scene, {"shoulder": bc.Actuator.of(motor, chosen)})
 
 
-def fastest(config: bc.RobotConfig) -> bc.FastestMotion:
+def fastest(scene: bc.Scene) -> bc.results.FastestMotion:
     limits = bc.MotionLimits(speed="none", torque="none")
-    return bc.time_optimal(config, "lift_and_return", limits, costs=False)
+    return bc.time_optimal(scene, "lift_and_return", limits, costs=False)
 
 
-def used(config: bc.RobotConfig, motion: bc.Motion) -> float:
-    shaft = bc.size(config, [motion]).joint("shoulder").shaft
+def used(scene: bc.Scene, motion: bc.Motion) -> float:
+    shaft = bc.size(scene, [motion]).joint("shoulder").shaft
     assert shaft is not None
     margins = [shaft.margins[key] for key in ("peak torque", "peak curve")]
     return 1.0 - min(margin for margin in margins if margin is not None)
@@ -38,9 +37,9 @@ def used(config: bc.RobotConfig, motion: bc.Motion) -> float:
 
 @pytest.mark.parametrize("back", [0.0, 0.3, 0.7, 1.0])
 def test_the_limit_is_just_used_with_another_efficiency_where_the_load_gives_power_back(back: float) -> None:
-    config = pendulum(efficiency=0.7, back_efficiency=back)
-    found = fastest(config)
-    assert used(config, found.motion) == pytest.approx(1.0, abs=1e-5)
+    scene = pendulum(efficiency=0.7, back_efficiency=back)
+    found = fastest(scene)
+    assert used(scene, found.motion) == pytest.approx(1.0, abs=1e-5)
     assert -1e-5 < found.excess <= 1e-6
 
 
@@ -50,10 +49,10 @@ def test_a_gear_that_loses_more_while_braking_stops_faster() -> None:
 
 
 def test_a_curve_of_efficiency_over_the_load_is_kept_or_its_excess_is_told() -> None:
-    config = pendulum(efficiency_curve=((0.1, 0.6), (0.5, 0.72), (1.0, 0.8)))
-    found = fastest(config)
+    scene = pendulum(efficiency_curve=((0.1, 0.6), (0.5, 0.72), (1.0, 0.8)))
+    found = fastest(scene)
     assert any("curve over the load" in warning for warning in found.warnings)
-    assert used(config, found.motion) <= 1.0 + 1e-6
+    assert used(scene, found.motion) <= 1.0 + 1e-6
     slow, quick = (fastest(pendulum(efficiency=0.6, back_efficiency=0.8)), fastest(pendulum(efficiency=0.8)))
     assert found.duration == pytest.approx(slow.duration, rel=1e-9)
     assert found.duration > quick.duration

@@ -33,7 +33,7 @@ def seven_segments(distance: float, speed: float, acceleration: float, jerk: flo
 
 def straight_move(
     distance: dict[str, float], speed: float, acceleration: float, jerk: float, **options: object
-) -> bc.FastestMotion:
+) -> bc.results.FastestMotion:
     arm = bc.load_robot("planar_2r", friction="none")
     names = dict.fromkeys(distance)
     limits = bc.MotionLimits(
@@ -70,7 +70,7 @@ def test_a_straight_move_of_two_joints_takes_the_time_that_ruckig_gives_along_th
     assert straight_move(way, 1.5, 6.0, 60.0).duration == pytest.approx(trajectory.duration, rel=5e-5)
 
 
-def curved(jerk: float | None, **options: object) -> bc.FastestMotion:
+def curved(jerk: float | None, **options: object) -> bc.results.FastestMotion:
     arm = bc.load_robot("planar_2r", friction={"shoulder": (3.0, 0.5), "elbow": (2.0, 0.2)})
     path = bc.joint_path(arm, [{}, {"shoulder": 0.6, "elbow": -0.8}, {"shoulder": 1.3, "elbow": 0.3}])
     given = "none" if jerk is None else dict.fromkeys(arm.joint_names, jerk)
@@ -189,7 +189,7 @@ def test_the_acceleration_of_the_tool_is_kept_with_limits_of_jerk() -> None:
 
 
 def test_a_joint_at_rest_along_a_tool_path_does_not_count_as_turning() -> None:
-    robot = bc.load_robot_config("ur5").robot()
+    robot = bc.load_scene("ur5").config.robot()
     limits = bc.MotionLimits(jerk=dict.fromkeys(robot.joint_names, 300.0))
     found = bc.time_optimal("ur5", "circle", limits)
     assert len(found.s) < 2000
@@ -200,7 +200,7 @@ def test_motors_of_a_linkage_with_a_free_platform_take_limits_of_jerk() -> None:
     """Where only jerks limit, the time grows with the third root of 1 / jerk; as they grow, it approaches that without
     them. The motion keeps the rods' lengths and is that of the motors' torques.
     """
-    config, mechanism = bc.load_robot_config("delta"), mechanism_of(bc.load_scene("delta"))
+    config, mechanism = bc.load_scene("delta").config, mechanism_of(bc.load_scene("delta"))
     path = paths_of_motion(mechanism.along("pick")[0])[0]
     motors = [joint.v for joint in mechanism.motors]
 

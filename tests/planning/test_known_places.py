@@ -26,7 +26,7 @@ def arm() -> tuple[JointPath, PathLimits]:
 
 def linkage() -> tuple[JointPath, PathLimits]:
     """A five-bar robot along a part of its motion."""
-    config = bc.load_robot_config("five_bar")
+    config = bc.load_scene("five_bar").config
     mechanism = mechanism_of(bc.load_scene("five_bar"))
     path = paths_of_motion(mechanism.along("pick")[0])[0]
     return path, PathLimits(mechanism, config.actuators, MotionLimits())

@@ -48,7 +48,7 @@ def test_a_motion_that_motors_bear_is_repeated_as_it_is() -> None:
 
 @pytest.mark.tier2
 def test_motors_that_cannot_hold_the_last_posture_bear_no_cycle() -> None:
-    config = bc.load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     weak = {"shoulder": dataclasses.replace(config.actuators["shoulder"], rated_torque=0.01)}
     motion = bc.waypoints(config.robot(), [0.0, 0.5], [{}, {"shoulder": 1.5}])
     with pytest.raises(bc.BellcrankError, match="no pause is long enough"):
@@ -158,7 +158,7 @@ def test_the_command_writes_the_cycle(tmp_path: Path, capsys: pytest.CaptureFixt
     options = ["--repeat", "pause", "--no-plots", "--out", str(tmp_path)]
     assert main(["fastest", "geared_pendulum", *options]) == 0
     assert "a pause of" in capsys.readouterr().out
-    robot = bc.load_robot_config("geared_pendulum").robot()
+    robot = bc.load_scene("geared_pendulum").config.robot()
     written = bc.read_motion(robot, tmp_path / "cycle_lift_and_return.csv")
     assert continuous_margins("geared_pendulum", written)["shoulder"] == pytest.approx(0.0, abs=1e-6)
     assert (tmp_path / "cycle_lift_and_return.json").exists()

@@ -16,11 +16,11 @@ pytestmark = pytest.mark.tier2
 PEAKS = ("peak torque", "motor speed", "peak curve")
 
 
-def worst_use(config: bc.RobotConfig, motion: bc.Motion) -> float:
+def worst_use(scene: bc.Scene, motion: bc.Motion) -> float:
     """The largest share of a momentary limit that `size` finds."""
-    robot = config.robot()
+    robot = scene.robot
     uses = []
-    for joint in bc.size(config, [motion]).joints:
+    for joint in bc.size(scene, [motion]).joints:
         column = robot.one_degree_joint(joint.name, "test").v
         margins = dict(joint.shaft.margins) if joint.shaft else {}
         uses += [1.0 - margins[key] for key in PEAKS if margins.get(key) is not None]
@@ -28,22 +28,22 @@ def worst_use(config: bc.RobotConfig, motion: bc.Motion) -> float:
     return max(uses)
 
 
-def factor_by_bisection(config: bc.RobotConfig, motion: bc.Motion, near: float) -> float:
+def factor_by_bisection(scene: bc.Scene, motion: bc.Motion, near: float) -> float:
     """The factor within a thousandth of a given one, to 1e-9."""
     low, high = 0.999 * near, 1.001 * near
-    assert worst_use(config, scaled_motion(motion, low)) < 1.0 < worst_use(config, scaled_motion(motion, high))
+    assert worst_use(scene, scaled_motion(motion, low)) < 1.0 < worst_use(scene, scaled_motion(motion, high))
     for _ in range(21):
         middle = (low + high) / 2.0
-        inside = worst_use(config, scaled_motion(motion, middle)) <= 1.0
+        inside = worst_use(scene, scaled_motion(motion, middle)) <= 1.0
         low, high = (middle, high) if inside else (low, middle)
     return (low + high) / 2.0
 
 
 @pytest.mark.parametrize(("name", "motion"), [("geared_pendulum", "lift_and_return"), ("ur5", "circle")])
 def test_bisection_with_size_finds_the_same_factor(name: str, motion: str) -> None:
-    config = bc.load_robot_config(name)
-    found = bc.speed_factor(config, motion, bc.MotionLimits(torque="none"))
-    expected = factor_by_bisection(config, found.motion, found.factor)
+    scene = bc.load_scene(name)
+    found = bc.speed_factor(scene, motion, bc.MotionLimits(torque="none"))
+    expected = factor_by_bisection(scene, found.motion, found.factor)
     assert found.factor == pytest.approx(expected, rel=1e-8)
 
 
@@ -51,23 +51,23 @@ def test_bisection_with_size_finds_the_same_factor(name: str, motion: str) -> No
 @pytest.mark.parametrize("corners", [4, 6])
 def test_peaks_between_the_rows_of_a_coarse_motion_count(name: str, corners: int) -> None:
     """Eight samples between two rows gave factors up to 1.7 % too large; gears with losses make the torque jump."""
-    config = bc.load_robot_config(name)
-    robot, random = config.robot(), np.random.default_rng(3)
+    scene = bc.load_scene(name)
+    robot, random = scene.robot, np.random.default_rng(3)
     corner = [{j.name: float(random.uniform(-1.0, 1.0)) for j in robot.joints} for _ in range(corners)]
     smooth = bc.waypoints(robot, np.linspace(0.0, 2.0, corners).tolist(), corner)
     time = np.linspace(0.0, 2.0, 8)
     motion = bc.Motion(smooth.joints, time, *smooth.at(time), "coarse")
-    found = bc.speed_factor(config, motion, bc.MotionLimits(torque="none"))
-    expected = factor_by_bisection(config, motion, found.factor)
+    found = bc.speed_factor(scene, motion, bc.MotionLimits(torque="none"))
+    expected = factor_by_bisection(scene, motion, found.factor)
     assert found.factor == pytest.approx(expected, rel=2e-9)
 
 
 def test_a_motion_that_exceeds_a_limit_is_slowed_down() -> None:
-    config = bc.load_robot_config("geared_pendulum")
-    fast = bc.speed_factor(config, "lift_and_return").scaled(6.0)
-    found = bc.speed_factor(config, fast)
+    scene = bc.load_scene("geared_pendulum")
+    fast = bc.speed_factor(scene, "lift_and_return").scaled(6.0)
+    found = bc.speed_factor(scene, fast)
     assert 0.0 < found.factor < 1.0
-    assert found.factor * 6.0 == pytest.approx(bc.speed_factor(config, "lift_and_return").factor, rel=1e-9)
+    assert found.factor * 6.0 == pytest.approx(bc.speed_factor(scene, "lift_and_return").factor, rel=1e-9)
 
 
 def test_the_factor_of_a_pure_inertia_is_the_root_of_the_torque(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,13 @@ import pytest
 
 import bellcrank as bc
 from tests.campaigns.fastest_behind_lossy_gears import random_arm
+from tests.support.scenes import with_actuators
 
 POSTURES = [(-0.3112, -1.4825), (-0.7125, -0.2364), (-1.1822, 0.3995)]
 MOTORS = bc.MotionLimits(speed="none", torque="none")
 
 
-def geared(folder: Path, efficiency: float = 0.8) -> bc.RobotConfig:
+def geared(folder: Path, efficiency: float = 0.8) -> bc.Scene:
     """The planar arm with its motors behind gears of an efficiency."""
     (folder / "arm.yaml").write_text(
         "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\nactuators:\n"
@@ -25,10 +25,10 @@ def geared(folder: Path, efficiency: float = 0.8) -> bc.RobotConfig:
         f"  elbow: {{ratio: 100, efficiency: {efficiency}, rotor_inertia: 4.0e-5, rated_torque: 1.27,\n"
         "          peak_torque: 3.8, rated_speed: 3000 rpm, max_speed: 5000 rpm, safety_factor: 1.2}\n"
     )
-    return bc.load_robot_config(folder / "arm.yaml")
+    return bc.load_scene(folder / "arm.yaml")
 
 
-def most_used(config: bc.RobotConfig, motion: bc.Motion, efficiency: float) -> float:
+def most_used(scene: bc.Scene, motion: bc.Motion, efficiency: float) -> float:
     """The largest share of a motor's peak torque, from inverse dynamics between the rows."""
     step = np.diff(motion.time)
     inside = np.flatnonzero(step > 0.0)
@@ -45,11 +45,11 @@ def most_used(config: bc.RobotConfig, motion: bc.Motion, efficiency: float) -> f
 
 @pytest.mark.parametrize("efficiency", [0.8, 0.5])
 def test_the_motion_uses_split_accelerations_and_keeps_all_limits(tmp_path: Path, efficiency: float) -> None:
-    config = geared(tmp_path, efficiency)
-    path = bc.joint_path(config.robot(), POSTURES)
-    found = bc.time_optimal(config, path, MOTORS, costs=False)
+    scene = geared(tmp_path, efficiency)
+    path = bc.joint_path(scene.robot, POSTURES)
+    found = bc.time_optimal(scene, path, MOTORS, costs=False)
     assert found.excess <= 1e-6
-    assert 1.0 - 1e-6 <= most_used(config, found.motion, efficiency) <= 1.0 + 1e-6
+    assert 1.0 - 1e-6 <= most_used(scene, found.motion, efficiency) <= 1.0 + 1e-6
     assert 0.0 <= found.gap <= 1e-5
     if efficiency == 0.8:
         assert found.duration <= 0.50031  # without the split accelerations 0.50059 s
@@ -57,10 +57,10 @@ def test_the_motion_uses_split_accelerations_and_keeps_all_limits(tmp_path: Path
 
 @pytest.mark.parametrize("efficiency", [0.7, 0.5])
 def test_sizing_condemns_no_fastest_motion_at_its_reversals(tmp_path: Path, efficiency: float) -> None:
-    config = geared(tmp_path, efficiency)
-    path = bc.joint_path(config.robot(), [(-1.0, 0.5), (-0.4, 1.2), (-1.1, 0.4)])
-    found = bc.time_optimal(config, path, MOTORS, costs=False)
-    sizing = bc.size(config, found.motion)
+    scene = geared(tmp_path, efficiency)
+    path = bc.joint_path(scene.robot, [(-1.0, 0.5), (-0.4, 1.2), (-1.1, 0.4)])
+    found = bc.time_optimal(scene, path, MOTORS, costs=False)
+    sizing = bc.size(scene, found.motion)
     for joint in ("shoulder", "elbow"):
         shaft = sizing.joint(joint).shaft
         assert shaft is not None
@@ -69,8 +69,8 @@ def test_sizing_condemns_no_fastest_motion_at_its_reversals(tmp_path: Path, effi
 
 
 def test_a_time_next_to_its_bound_is_called_optimal(tmp_path: Path) -> None:
-    config = geared(tmp_path)
-    found = bc.time_optimal(config, bc.joint_path(config.robot(), POSTURES), costs=False)
+    scene = geared(tmp_path)
+    found = bc.time_optimal(scene, bc.joint_path(scene.robot, POSTURES), costs=False)
     assert 0.0 <= found.gap <= 1e-6
     assert found.bound.startswith("optimal: ")
     assert found.bound in found.table()
@@ -88,14 +88,14 @@ def test_a_lone_inertia_takes_its_bound(tmp_path: Path) -> None:
 
 
 def test_a_bound_of_a_grid_and_one_with_limits_of_jerk_say_so(tmp_path: Path) -> None:
-    config = geared(tmp_path)
-    path = bc.joint_path(config.robot(), POSTURES)
-    fine = bc.time_optimal(config, path, MOTORS, costs=False)
-    coarse = bc.time_optimal(config, path, MOTORS, grid=30, costs=False)
+    scene = geared(tmp_path)
+    path = bc.joint_path(scene.robot, POSTURES)
+    fine = bc.time_optimal(scene, path, MOTORS, costs=False)
+    coarse = bc.time_optimal(scene, path, MOTORS, grid=30, costs=False)
     assert coarse.lower_bound <= coarse.duration
     assert not coarse.bound.startswith("optimal")
     limits = bc.MotionLimits(speed="none", torque="none", jerk={"shoulder": 2000.0, "elbow": 2000.0})
-    smooth = bc.time_optimal(config, path, limits, costs=False)
+    smooth = bc.time_optimal(scene, path, limits, costs=False)
     assert smooth.bound.startswith("without limits of jerk no motion takes less than")
     assert smooth.lower_bound == pytest.approx(fine.lower_bound, rel=1e-5)
     assert smooth.duration > fine.duration
@@ -106,18 +106,18 @@ def test_no_bound_is_stated_behind_a_gear_whose_efficiency_is_a_curve() -> None:
                      max_speed=700.0, rotor_inertia=2e-5, peak_curve=((0.0, 0.6), (700.0, 0.3)))  # fmt: skip
     gear = bc.Gear(id="g", maker="", model="", kind="planetary", ratio=50.0, inertia=0.0, rated_torque=20.0,
                    efficiency_curve=((0.1, 0.6), (0.5, 0.72), (1.0, 0.8)))  # fmt: skip
-    config = replace(bc.load_robot_config("geared_pendulum"), actuators={"shoulder": bc.Actuator.of(motor, gear)})
-    found = bc.time_optimal(config, "lift_and_return", MOTORS, costs=False)
+    scene = with_actuators(bc.load_scene("geared_pendulum"), {"shoulder": bc.Actuator.of(motor, gear)})
+    found = bc.time_optimal(scene, "lift_and_return", MOTORS, costs=False)
     assert np.isnan(found.lower_bound) and found.as_dict()["lower_bound"] is None
     assert found.bound == "no lower bound of the time is known"
 
 
-def arm_with_geared_elbow(folder: Path, ratings: str) -> bc.RobotConfig:
+def arm_with_geared_elbow(folder: Path, ratings: str) -> bc.Scene:
     (folder / "arm.yaml").write_text(
         "urdf: planar_2r\nfriction: none\ngravity: [0, -9.81, 0]\n"
         f"actuators: {{elbow: {{ratio: 100, rated_speed: 300, max_speed: 400, {ratings}}}}}\n"
     )
-    return bc.load_robot_config(folder / "arm.yaml")
+    return bc.load_scene(folder / "arm.yaml")
 
 
 @pytest.mark.tier2
@@ -140,9 +140,9 @@ def arm_with_geared_elbow(folder: Path, ratings: str) -> bc.RobotConfig:
 def test_wide_holes_among_the_accelerations_are_passed(
     tmp_path: Path, ratings: str, postures: list[list[float]], torque: float
 ) -> None:
-    config = arm_with_geared_elbow(tmp_path, ratings)
-    path = bc.joint_path(config.robot(), postures)
-    found = bc.time_optimal(config, path, bc.MotionLimits(torque={"shoulder": torque}, speed="none"), costs=False)
+    scene = arm_with_geared_elbow(tmp_path, ratings)
+    path = bc.joint_path(scene.robot, postures)
+    found = bc.time_optimal(scene, path, bc.MotionLimits(torque={"shoulder": torque}, speed="none"), costs=False)
     assert found.gap <= 1e-3
     assert found.lower_bound <= found.duration
     assert found.excess <= 1e-6 or found.warnings
@@ -152,8 +152,8 @@ def test_wide_holes_among_the_accelerations_are_passed(
 @pytest.mark.parametrize("seed", [300_001, 300_007, 300_019])
 def test_where_switching_is_fastest_the_motion_switches_and_keeps_all_limits(tmp_path: Path, seed: int) -> None:
     # Both ends of a hole lead back to one speed: the bound is of motions that switch as often as one likes.
-    robot, config, actuators, path = random_arm(seed, tmp_path)
-    found = bc.time_optimal(config, path, MOTORS, costs=False)
+    robot, scene, actuators, path = random_arm(seed, tmp_path)
+    found = bc.time_optimal(scene, path, MOTORS, costs=False)
     assert found.excess <= 1e-6 and found.refined
     assert 0.0 <= found.gap <= 1e-4
     step = np.diff(found.motion.time)

@@ -12,6 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, linprog
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 Array = NDArray[np.float64]
 INERTIA, LENGTH, MASS = 0.7, 0.6, 1.3
@@ -30,7 +31,7 @@ def rotor(folder: Path, gravity: float = 0.0, **options: object) -> bc.Robot:
     return bc.load_robot(path, gravity=(0.0, -gravity, 0.0), **options)  # type: ignore[arg-type]
 
 
-def fastest(robot: bc.Robot, angle: float, torque: float, **options: object) -> bc.FastestMotion:
+def fastest(robot: bc.Robot, angle: float, torque: float, **options: object) -> bc.results.FastestMotion:
     path = bc.joint_path(robot, [{}, {"hinge": angle}])
     limits = bc.MotionLimits(speed="none", torque={"hinge": torque})
     return bc.time_optimal(robot, path, limits, costs=False, **options)  # type: ignore[arg-type]
@@ -94,7 +95,7 @@ def test_viscous_friction_and_a_torque_speed_line_take_the_time_of_an_independen
 
 def _with_actuator(
     robot: bc.Robot, motion: bc.Motion, actuator: bc.Actuator, limits: bc.MotionLimits
-) -> bc.FastestMotion:
+) -> bc.results.FastestMotion:
     from bellcrank.dynamics.mechanism import mechanism_of
     from bellcrank.planning.fastest_pass import fastest_refined
     from bellcrank.planning.joint_path import paths_of_motion
@@ -180,10 +181,10 @@ def test_no_dynamic_programme_over_speeds_is_faster_with_viscous_friction() -> N
 def test_sizing_the_fastest_motion_finds_no_limit_exceeded_and_one_always_reached(
     name: str, motion: str | None
 ) -> None:
-    config = bc.load_robot_config(name)
-    found = bc.time_optimal(config, motion or next(iter(config.motions)), costs=False)
-    sizing = bc.size(config, [found.motion])
-    robot = config.robot()
+    scene = bc.load_scene(name)
+    found = bc.time_optimal(scene, motion or next(iter(scene.motions)), costs=False)
+    sizing = bc.size(scene, [found.motion])
+    robot = scene.robot
     uses = []
     for joint in sizing.joints:
         column = robot.one_degree_joint(joint.name, "test").v
@@ -367,7 +368,7 @@ def test_the_derivatives_of_the_time_are_those_of_extrapolated_differences() -> 
     robot = bc.load_robot("planar_2r", friction={"shoulder": (6.0, 1.0), "elbow": (4.0, 0.5)})
     path = bc.joint_path(robot, [{}, {"shoulder": 0.7, "elbow": -0.9}, {"shoulder": 1.5, "elbow": 0.2}])
 
-    def found(limit: str = "", factor: float = 1.0, costs: bool = False) -> bc.FastestMotion:
+    def found(limit: str = "", factor: float = 1.0, costs: bool = False) -> bc.results.FastestMotion:
         given = {"speed": {"elbow": 2.0}, "torque": {"shoulder": 80.0, "elbow": 30.0}}
         if limit:
             what, joint = limit.split(" of ")
@@ -396,7 +397,7 @@ def test_a_linkage_that_turns_around_stops_there_and_keeps_its_limits() -> None:
 
 @pytest.mark.tier2
 def test_a_linkage_with_a_floating_platform_moves_along_its_path() -> None:
-    linkage = bc.Linkage(bc.load_scene("planar_delta"))
+    linkage = Linkage(bc.load_scene("planar_delta"))
     motion = linkage.motion("pick")
     found = bc.time_optimal("planar_delta", "pick", grid=60, costs=False)
     assert found.motion.nq == motion.nq

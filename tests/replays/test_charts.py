@@ -125,14 +125,14 @@ def test_twist_of_a_gear_and_rotor_velocity_are_shown_as_they_are_at_random_time
 
 
 def sized(name):
-    config = bc.load_robot_config(name)
+    config = bc.load_scene(name).config
     if "delta" in name:  # the tool's path is that of a closed linkage
         return bc.size(name)
     robot = config.robot()
     return bc.size(robot, [config.motion(robot, each) for each in config.motions], config.actuators)
 
 
-SIZED = [name for name in NAMES if bc.load_robot_config(name).motions]
+SIZED = [name for name in NAMES if bc.load_scene(name).config.motions]
 
 
 @pytest.fixture
@@ -185,7 +185,7 @@ def cycle(robot):
 
 
 def test_a_dwell_between_motions_is_shown_at_rest_with_the_torque_that_holds_it(no_meshes):
-    robot = bc.load_robot_config("planar_2r").robot()
+    robot = bc.load_scene("planar_2r").config.robot()
     motion = cycle(robot)
     page = decoded(encode_film(film_of_motion(motion, robot)))
     lines = charts_of(page)
@@ -301,7 +301,7 @@ def test_what_cannot_be_told_in_so_few_numbers_is_said_to_be_extremes():
 def test_the_page_reads_off_what_is_true_in_a_dwell_and_after_a_zoom_its_playhead_stays_with_its_time(
     open_page, tmp_path, no_meshes
 ):
-    robot = bc.load_robot_config("planar_2r").robot()
+    robot = bc.load_scene("planar_2r").config.robot()
     motion = cycle(robot)
     page = open_page(write_page(film_of_motion(motion, robot), tmp_path / "cycle.html"), size=(1280, 800))
     page.tab.wait_for_selector(".chart .playhead")

@@ -12,12 +12,12 @@ from bellcrank.replays.film.fastest_film import active_limits, film_of_fastest
 
 
 @pytest.fixture(scope="module")
-def fastest() -> bc.FastestMotion:
+def fastest() -> bc.results.FastestMotion:
     return bc.time_optimal("planar_2r", "elbow_up")
 
 
 @pytest.mark.tier2
-def test_each_time_has_the_limit_that_is_active_in_its_cell(fastest: bc.FastestMotion) -> None:
+def test_each_time_has_the_limit_that_is_active_in_its_cell(fastest: bc.results.FastestMotion) -> None:
     film = film_of_fastest(fastest)
     starts = [limit.time for limit in film.limits]
     assert starts[0] == fastest.motion.time[0]
@@ -32,7 +32,7 @@ def test_each_time_has_the_limit_that_is_active_in_its_cell(fastest: bc.FastestM
 
 
 @pytest.mark.tier2
-def test_limits_of_a_frame_have_no_axis(fastest: bc.FastestMotion) -> None:
+def test_limits_of_a_frame_have_no_axis(fastest: bc.results.FastestMotion) -> None:
     robot = bc.load_robot("planar_2r", friction="none")
     limits = bc.MotionLimits(speed="none", torque="none", tool="tip", tool_acceleration=3.0)
     found = bc.time_optimal(robot, bc.joint_path(robot, [{}, {"elbow": 1.0}]), limits, costs=False)
@@ -41,7 +41,7 @@ def test_limits_of_a_frame_have_no_axis(fastest: bc.FastestMotion) -> None:
     ]
 
 
-def test_the_phase_plane_is_below_the_largest_speed(fastest: bc.FastestMotion) -> None:
+def test_the_phase_plane_is_below_the_largest_speed(fastest: bc.results.FastestMotion) -> None:
     plot = film_of_fastest(fastest).xy_plots[0]
     assert plot.title == "path speed over path"
     ((_, curve),) = plot.limits
@@ -49,7 +49,7 @@ def test_the_phase_plane_is_below_the_largest_speed(fastest: bc.FastestMotion) -
     assert np.all(plot.y <= top * (1.0 + 1e-2) + 1e-2 * plot.y.max())
 
 
-def test_a_page_needs_no_robot_and_names_the_limits(fastest: bc.FastestMotion, tmp_path: Path) -> None:
+def test_a_page_needs_no_robot_and_names_the_limits(fastest: bc.results.FastestMotion, tmp_path: Path) -> None:
     page = bc.replay(fastest, tmp_path / "fastest.html")
     text = Path(str(page)).read_text(encoding="utf-8")
     assert '"limits":[{"time":' in text

@@ -60,7 +60,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def sizing():
-    config = bc.load_robot_config("planar_2r")
+    config = bc.load_scene("planar_2r").config
     robot = config.robot()
     return bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
 
@@ -376,7 +376,7 @@ def test_a_sizing_plays_its_motions_one_after_the_other_with_its_torques_and_lim
 
 
 def test_where_a_limit_is_exceeded_a_sizing_has_a_mark():
-    config = bc.load_robot_config("planar_2r")
+    config = bc.load_scene("planar_2r").config
     robot = config.robot()
     weak = {"shoulder": replace(config.actuators["shoulder"], rated_torque=0.1, peak_torque=0.5)}
     sizing = bc.size(robot, config.motion(robot, "elbow_down"), weak)

@@ -98,7 +98,7 @@ def test_arguments_of_a_xacro_file_are_given_by_argument_and_by_key(tmp_path) ->
     assert moment(bc.load_robot(path)) == pytest.approx(2.0 * 0.4**2 / 12.0)
     assert moment(bc.load_robot(path, xacro_args={"length": 0.6})) == pytest.approx(2.0 * 0.6**2 / 12.0)
     (tmp_path / "arm.yaml").write_text("urdf: arm.urdf.xacro\nxacro_args: {length: 1.0}\n")
-    assert moment(bc.load_robot_config(tmp_path / "arm.yaml").robot()) == pytest.approx(2.0 / 12.0)
+    assert moment(bc.load_scene(tmp_path / "arm.yaml").config.robot()) == pytest.approx(2.0 / 12.0)
 
 
 @pytest.mark.tier2

@@ -9,6 +9,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.notes import Note
+from tests.support.public_names import NAMES, public
 
 LEG = """<mujoco model="leg">{option}
   <worldbody>
@@ -186,7 +187,7 @@ NO_RESULTS = {
 
 def test_every_public_result_class_carries_notes():
     """A new class carries `notes`, or says in the table above why it does not."""
-    classes = {name: one for name in bc.__all__ if inspect.isclass(one := getattr(bc, name))}
+    classes = {name: one for name in NAMES if inspect.isclass(one := public(name))}
     without = {
         name
         for name, one in classes.items()

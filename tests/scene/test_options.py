@@ -16,8 +16,6 @@ from bellcrank.config.numbers import decimal_number, split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.scene.robot_config import load_robot_config
-from bellcrank.sizing.subject import mechanism_and_motions
 from bellcrank.studies.axes import parse_axis
 from bellcrank.studies.sweep import sweep
 from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
@@ -211,17 +209,12 @@ def test_values_of_a_grid_are_all_combinations_the_last_axis_fastest():
 
 @pytest.mark.tier2
 def test_what_is_chosen_of_a_configuration_sizes_as_the_configuration():
-    config = load_robot_config("planar_2r")
-    mechanism, motions = mechanism_and_motions(config, config.robot())
-    assert [motion.name for motion in motions] == list(config.motions)
-    assert bc.size(mechanism, motions, config.actuators).joints == bc.size("planar_2r").joints
-    first = next(iter(config.motions))
-    assert [motion.name for motion in mechanism_and_motions(config, config.robot(), [first])[1]] == [first]
+    scene = bc.load_scene("planar_2r")
+    motions = [scene.motion(name) for name in scene.motions]
+    assert bc.size(scene.robot, motions, scene.actuators).joints == bc.size("planar_2r").joints
+    assert bc.size(scene, scene.motions[:1]).motions == scene.motions[:1]
     with pytest.raises(InputError, match="nowhere"):
-        mechanism_and_motions(config, config.robot(), ["nowhere"])
-    five_bar = load_robot_config("five_bar")
-    linkage, (turn, *_) = mechanism_and_motions(five_bar, five_bar.robot())
-    assert linkage.closed and turn.position.shape[1] == linkage.robot.nq
+        bc.size(scene, ["nowhere"])
 
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a" * 300, "x\x1b[31my", "x\ny", "x\u202ey", "\udcff", "a/" * 3000, "\0"])

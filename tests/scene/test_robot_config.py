@@ -12,10 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from two_link import CONTINUOUS
 
+import bellcrank as bc
 from bellcrank.errors import BellcrankError, InputError, UnreachableError
 from bellcrank.motion.csv_file import write_motion
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.robot_config import load_robot_config, names, read_config
+from bellcrank.scene.robot_config import names, read_config
 from bellcrank.sizing.size import size
 
 URDF = str(names()["planar_2r"].parent.parent / "urdf" / "planar_2r.urdf")
@@ -38,7 +39,7 @@ def card_with(folder: Path, **keys: Any) -> Path:
 
 @pytest.mark.parametrize(("motion", "branch"), [("elbow_up", -1), ("elbow_down", 1)])
 def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int) -> None:
-    config = load_robot_config("planar_2r")
+    config = bc.load_scene("planar_2r").config
     robot = config.robot()
     sizing = size(robot, config.motion(robot, motion), config.actuators)
     found = [
@@ -52,7 +53,7 @@ def test_the_bundled_circle_gives_the_lectures_extremes(motion: str, branch: int
 @pytest.mark.tier2
 @pytest.mark.parametrize("name", ["planar_2r", "geared_pendulum", "ur5", "panda", "xarm7"])
 def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None:
-    config = load_robot_config(name)
+    config = bc.load_scene(name).config
     robot = config.robot()
     motions = [config.motion(robot, motion) for motion in config.motions]
     sizing = size(robot, motions, config.actuators)
@@ -64,7 +65,7 @@ def test_bundled_cards_are_sized_and_stay_inside_their_limits(name: str) -> None
 
 
 def test_the_geared_pendulum_holds_9_81() -> None:
-    config = load_robot_config("geared_pendulum")
+    config = bc.load_scene("geared_pendulum").config
     robot = config.robot()
     line = size(robot, config.motion(robot, "lift_and_return"), config.actuators).joint("shoulder")
     assert line.peak_torque == pytest.approx(9.81, rel=1e-9)
@@ -206,10 +207,10 @@ def test_what_only_the_robot_can_tell_names_the_card_too(tmp_path: Path, change:
 
 
 def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
-    assert load_robot_config("ur5").motions and load_robot_config(names()["ur5"]).motions
-    bare = load_robot_config(URDF)
+    assert bc.load_scene("ur5").config.motions and bc.load_scene(names()["ur5"]).config.motions
+    bare = bc.load_scene(URDF).config
     assert not bare.motions and bare.robot().joint_names == ("shoulder", "elbow")
-    assert load_robot_config("talos").urdf.name == "talos_reduced.urdf"
+    assert bc.load_scene("talos").config.urdf.name == "talos_reduced.urdf"
     for wrong, message in (
         ("planar_2rr", "did you mean 'planar_2r'"),
         ("", "expected the path"),
@@ -218,9 +219,9 @@ def test_names_paths_and_urdfs_all_load(tmp_path: Path) -> None:
         (tmp_path / "no.urdf", "no such file"),
     ):
         with pytest.raises(InputError, match=message):
-            load_robot_config(wrong)
+            bc.load_scene(wrong)
     with pytest.raises(InputError, match="unknown motion 'elbow_upp'; did you mean 'elbow_up'"):
-        load_robot_config("planar_2r").motion(load_robot_config("planar_2r").robot(), "elbow_upp")
+        bc.load_scene("planar_2r").config.motion(bc.load_scene("planar_2r").config.robot(), "elbow_upp")
 
 
 leaves = (

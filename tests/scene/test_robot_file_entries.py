@@ -66,7 +66,7 @@ def test_motors_and_loops_of_gepetto_come_with_the_urdf(tmp_path) -> None:
     assert [constraint.name for constraint in scene.constraints] == ["loop_1"]
     assert scene.config.actuated == ("a",)
     assert "robot.yaml: the key 'name_spring' is not used." in scene.config.notes
-    assert bc.load_robot_config(path).actuated == ("a",)
+    assert bc.load_scene(path).config.actuated == ("a",)
     assert bc.load_robot(path).file.motors[0].joint == "a"
 
 

@@ -19,7 +19,7 @@ from bellcrank.elements.controllers import PD, GravityCompensation
 from bellcrank.elements.forces import Damper, JointSpring, Spring, Torque, Wrench
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.scene.robot_config import load_robot_config, names, read_config
+from bellcrank.scene.robot_config import names, read_config
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
 from bellcrank.simulation.scene_notes import scene_notes
@@ -261,7 +261,7 @@ def test_every_bundled_card_is_a_scene_with_a_finite_start(name):
     own = [note for note in scene_notes(scene) if note not in scene.config.notes]
     assert own == [] or "initial" not in scene.data  # the zero posture of some is outside
     assert all("not used" in note for note in scene.config.notes), "what the URDF says beside its tree"
-    assert load_robot_config(name).name == scene.name
+    assert bc.load_scene(name).config.name == scene.name
 
 
 def test_a_bare_urdf_is_a_scene_without_forces(crane):
@@ -344,7 +344,7 @@ def test_a_start_that_fails_tells_each_gap_once():
     with pytest.raises(InputError) as refused:
         bc.simulate("four_bar", overrides={"crank_length": 4.0})
     told = str(refused.value)
-    assert told.count(" m;") + told.count(" m or rad") == 1 and "smallest: apex 0.359 m;" in told
+    assert told.count(" m;") + told.count(" m or rad") == 1 and "residuals: apex 0.359 m;" in told
 
 
 def test_what_is_no_scene_is_told_what_opens_it(scene):

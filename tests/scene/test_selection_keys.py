@@ -6,6 +6,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.actuators.mount import Mount
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.simulation.scene_notes import scene_notes
@@ -26,13 +27,13 @@ duty: [there, {{motion: back, repeat: 1}}, {{pause: 1 min}}]
 """
 
 
-def config_of(folder, text=CONFIG):
+def scene_of(folder, text=CONFIG):
     (folder / "arm.yaml").write_text(text)
-    return bc.load_robot_config(folder / "arm.yaml")
+    return bc.load_scene(folder / "arm.yaml")
 
 
 def test_the_keys_are_read(tmp_path):
-    config = config_of(tmp_path)
+    config = scene_of(tmp_path).config
     assert config.transmissions == (
         CoupledTransmission(("shoulder", "elbow"), ("left", "right"), ((1.0, 1.0), (1.0, -1.0))),
     )
@@ -77,22 +78,22 @@ def test_the_keys_are_read(tmp_path):
 def test_wrong_keys_are_told_with_their_place(tmp_path, old, new, message):
     assert old in CONFIG
     if not message:
-        assert config_of(tmp_path, CONFIG.replace(old, new)).duty[0] == DutyStep("back")
+        assert scene_of(tmp_path, CONFIG.replace(old, new)).config.duty[0] == DutyStep("back")
         return
     with pytest.raises(InputError) as caught:
-        config_of(tmp_path, CONFIG.replace(old, new))
+        scene_of(tmp_path, CONFIG.replace(old, new))
     assert message in str(caught.value)
     assert "arm.yaml" in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_motion_of_the_program_must_be_there(tmp_path):
     with pytest.raises(InputError, match="duty"):
-        config_of(tmp_path, CONFIG.replace("duty: [", "duty: [there, away, ").replace("away", "awry"))
+        scene_of(tmp_path, CONFIG.replace("duty: [", "duty: [there, away, ").replace("away", "awry"))
 
 
 def test_size_says_what_it_leaves_out(tmp_path):
-    sizing = bc.size(config_of(tmp_path))
-    plain = bc.size(config_of(tmp_path, CONFIG[: CONFIG.index("actuators:")]))
+    sizing = bc.size(scene_of(tmp_path))
+    plain = bc.size(scene_of(tmp_path, CONFIG[: CONFIG.index("actuators:")]))
     assert not sizing.unsizable and [motor.name for motor in sizing.motors] == ["left", "right"]
     assert sum("are judged along the duty program of the configuration" in text for text in sizing.warnings) == 1
     assert all("in 'duty'" in one.text for motor in sizing.motors for one in motor.shaft.judged.judged)
@@ -102,7 +103,7 @@ def test_size_says_what_it_leaves_out(tmp_path):
 
 
 def test_simulate_says_that_coupled_rotors_are_left_out(tmp_path):
-    config_of(tmp_path)
+    scene_of(tmp_path)
     scene = bc.load_scene(tmp_path / "arm.yaml")
     assert any(
         "the rotors of the motors of coupled transmissions are not included: left, right" in n
@@ -124,5 +125,5 @@ transmissions:
 initial: {{left_motor: 110 deg, right_motor: 95 deg, left_elbow: {{guess: -60 deg}}, right_elbow: {{guess: 50 deg}}}}
 """
     (tmp_path / "bar.yaml").write_text(text)
-    linkage = bc.Linkage(bc.load_scene(tmp_path / "bar.yaml"))
+    linkage = Linkage(bc.load_scene(tmp_path / "bar.yaml"))
     assert [joint.name for joint in linkage.motors] == ["left_motor", "right_motor"]

@@ -42,7 +42,7 @@ def scene(folder: Path, actuator: dict[str, Any], **more: Any) -> Path:
     return path
 
 
-def column(run: bc.Trajectory, name: str) -> np.ndarray:
+def column(run: bc.results.Trajectory, name: str) -> np.ndarray:
     """A column of the output of the drive."""
     labels = run.scene.outputs["drive_axis"].labels
     return run.outputs["drive_axis"][:, [label.removeprefix("drive_axis ") for label in labels].index(name)]

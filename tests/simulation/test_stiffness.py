@@ -134,7 +134,7 @@ def test_errors_while_derivatives_are_made_reach_the_caller(passing):
 
 
 def test_auto_is_the_default():
-    assert bc.Settings().solver == "auto"
+    assert bc.results.Settings().solver == "auto"
 
 
 @pytest.mark.parametrize("name", ["planar_2r_swing", "spring_pendulum", "four_bar", "ur5_falling", "rolling_disk"])

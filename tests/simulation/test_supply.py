@@ -22,7 +22,7 @@ LOOPS = {"position": {"kp": 30}, "speed": {"kp": 0.1, "ti": 0.05}, "current": {"
 VOLTS = "48*sin(12*t)"
 
 
-def supply(run: bc.Trajectory, name: str) -> np.ndarray:
+def supply(run: bc.results.Trajectory, name: str) -> np.ndarray:
     """A column of the output of the supply."""
     labels = [label.removeprefix("supply ") for label in run.scene.outputs["supply"].labels]
     return run.outputs["supply"][:, labels.index(name)]

@@ -85,7 +85,7 @@ def config_of(folder, conditions=None, elbow=None, actuator=MOTOR):
     text = f"urdf: planar_2r\nactuators:\n  elbow: {{{actuator}{own}}}\n"
     text += "" if conditions is None else yaml.safe_dump({"conditions": conditions}, allow_unicode=True)
     (folder / "arm.yaml").write_text(text, encoding="utf-8")
-    return bc.load_robot_config(folder / "arm.yaml")
+    return bc.load_scene(folder / "arm.yaml").config
 
 
 def entries(name, value):

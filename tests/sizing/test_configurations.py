@@ -10,9 +10,9 @@ import bellcrank as bc
 
 def test_a_robot_that_is_read_is_sized_without_its_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
-    shutil.copy(bc.load_robot_config("planar_2r").urdf, path)
-    config = bc.load_robot_config(path)
-    motion = bc.waypoints(config.robot(), [0.0, 1.0], [{}, {"elbow": 1.0}])
+    shutil.copy(bc.load_scene("planar_2r").config.urdf, path)
+    scene = bc.load_scene(path)
+    motion = bc.waypoints(scene.robot, [0.0, 1.0], [{}, {"elbow": 1.0}])
     path.unlink()
-    sizing = bc.size(config, motion)
-    assert sizing.joint("elbow").peak_torque == bc.size(config.robot(), motion).joint("elbow").peak_torque > 0.0
+    sizing = bc.size(scene, motion)
+    assert sizing.joint("elbow").peak_torque == bc.size(scene.robot, motion).joint("elbow").peak_torque > 0.0

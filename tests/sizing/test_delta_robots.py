@@ -10,6 +10,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 
 pytestmark = pytest.mark.tier2
 
@@ -30,7 +31,7 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def motion(name):
-    return bc.Linkage(bc.load_scene(name)).motion("pick")
+    return Linkage(bc.load_scene(name)).motion("pick")
 
 
 @pytest.fixture(scope="module")

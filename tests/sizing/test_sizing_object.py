@@ -60,7 +60,7 @@ def sizing(config_file: Path) -> Sizing:
 
 @pytest.mark.tier2
 def test_a_configuration_sizes_as_its_robot_and_motions_do(config_file: Path, sizing: Sizing) -> None:
-    config = bc.load_robot_config(config_file)
+    config = bc.load_scene(config_file).config
     robot = config.robot()
     by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
@@ -92,7 +92,7 @@ def test_payloads_drives_and_tolerance_are_those_asked_for(config_file: Path, si
     assert heavier.joint("turn").holding_torque == pytest.approx(sizing.joint("turn").holding_torque + 9.81 * 0.6)
     assert bc.size(config_file, actuators={}).joints_without_actuator == ("turn", "slide")
     assert bc.size(config_file, mass_tolerance=0.1).joint("turn").peak_torque > sizing.joint("turn").peak_torque
-    robot = bc.load_robot_config(config_file).robot()
+    robot = bc.load_scene(config_file).config.robot()
     carrying = bc.size(robot, bc.dwell(robot, {}, 1.0), payloads=[bc.Payload(2.0, "rod", (0.1, 0.0, 0.0))])
     plain = bc.size(robot, bc.dwell(robot, {}, 1.0))
     gained = carrying.joint("turn").peak_torque - plain.joint("turn").peak_torque
@@ -153,7 +153,7 @@ def test_csv_and_json_give_the_figures_back(sizing: Sizing, tmp_path: Path) -> N
 
 def test_histories_are_inverse_dynamics_without_the_rotor(config_file: Path, sizing: Sizing) -> None:
     assert sizing.inputs is not None and list(sizing.histories) == ["reach", "hold"]
-    robot, motions, _ = bc.load_robot_config(config_file).robot(), sizing.inputs.motions, None
+    robot, motions, _ = bc.load_scene(config_file).config.robot(), sizing.inputs.motions, None
     for motion in motions:
         history = sizing.histories[motion.name]
         assert isinstance(history, MotionHistory) and np.array_equal(history.time, motion.time)

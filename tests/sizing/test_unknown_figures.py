@@ -19,7 +19,6 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.errors import InputError
 from bellcrank.reports.input_tables import actuator_table
-from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.judged_axes import MAIN
@@ -175,7 +174,7 @@ def config(tmp_path: Path) -> Callable[[str], Path]:
 
 def test_a_rotor_of_unknown_inertia_is_said_and_left_out(config: Callable[[str], Path]) -> None:
     path = config("actuators: {shoulder: {motor: {id: m, rotor_inertia: 50 g cm^2}, gear: {kind: spur, ratio: 20}}}")
-    robot = load_robot_config(path).robot()
+    robot = bc.load_scene(path).config.robot()
     assert float(robot.rotor_inertia[0]) == pytest.approx(400 * 5e-6)
     [text] = [text for text in robot.inertia_warnings if "gear inertia is not stated" in text]
     assert "assume gear.inertia" in text and text in size(path).warnings
@@ -188,9 +187,9 @@ def test_a_folder_of_the_robots_own_catalogue(config: Callable[[str], Path], tmp
         "mine,me,M1,motor,0.05,60,250,measured\n"
     )
     path = config("catalogue: own\nactuators: {shoulder: {motor: mine, gear: direct}}")
-    actuator = load_robot_config(path).actuators["shoulder"]
+    actuator = bc.load_scene(path).config.actuators["shoulder"]
     assert actuator.rotor_inertia == pytest.approx(6e-6) and actuator.ratio == 1.0
-    np.testing.assert_allclose(load_robot_config(path).robot().rotor_inertia, 6e-6)
+    np.testing.assert_allclose(bc.load_scene(path).config.robot().rotor_inertia, 6e-6)
 
 
 @pytest.mark.parametrize(
@@ -211,7 +210,7 @@ def test_what_a_configuration_cannot_name(
     (tmp_path / "linked").mkdir()
     (tmp_path / "linked" / "motors.csv").symlink_to("/etc/hostname")
     with pytest.raises(InputError, match=message) as caught:
-        load_robot_config(config(text))
+        bc.load_scene(config(text))
     assert "\n" not in str(caught.value)
 
 

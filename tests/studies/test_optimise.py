@@ -19,7 +19,7 @@ SMALL = {"samples": 32, "starts": 2, "threads": 1}
 
 
 @cache
-def balanced() -> bc.Optimum:
+def balanced() -> bc.results.Optimum:
     return bc.optimise("balanced_arm", **SMALL)
 
 

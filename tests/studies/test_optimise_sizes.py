@@ -21,7 +21,7 @@ COARSE = {"samples": 16, "starts": 1, "threads": 1}
 SMALL = {"size": True, "threads": 1, "samples": 32, "starts": 2}
 
 
-def sized(**values: float) -> bc.Sizing:
+def sized(**values: float) -> bc.results.Sizing:
     return bc.size("balanced_arm", overrides=values)
 
 

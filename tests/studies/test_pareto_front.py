@@ -18,7 +18,7 @@ SLOW = {"minimise": "lock.time", "maximise": "lock.crank"}
 
 
 @cache
-def lengths() -> bc.ParetoFront:
+def lengths() -> bc.results.ParetoFront:
     return bc.pareto_front("four_bar", LENGTHS, **SLOW, limits=BRANCH, samples=32, starts=4, points=4, threads=1)
 
 

@@ -54,7 +54,7 @@ def best_by_brute_force(vary: dict[str, list[float]], products: Catalogue) -> tu
     return rank, (values, names), count
 
 
-def same_pairs(selection: bc.Selection) -> tuple[str, ...]:
+def same_pairs(selection: bc.results.Selection) -> tuple[str, ...]:
     return tuple(f"{one.chosen.motor.id}+{one.chosen.gear.id}" for one in selection.axes)
 
 

@@ -20,7 +20,7 @@ LOCK = {"crank_length": (1.2, 1.24), "coupler_length": (1.15, 1.25), "rocker_len
 class Rivals:
     """An optimum, and the objective (n,) of random designs; NaN of those that cannot be run."""
 
-    best: bc.Optimum
+    best: bc.results.Optimum
     objective: Array
 
     @property
@@ -31,12 +31,12 @@ class Rivals:
 
 
 @cache
-def lock_optimum() -> bc.Optimum:
+def lock_optimum() -> bc.results.Optimum:
     return bc.optimise("four_bar", LOCK, minimise="lock.time", limits=LIMITS, threads=1)
 
 
 @cache
-def arm_optimum() -> bc.Optimum:
+def arm_optimum() -> bc.results.Optimum:
     return bc.optimise("balanced_arm", threads=1)
 
 

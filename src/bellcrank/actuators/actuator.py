@@ -215,7 +215,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.under(bc.Conditions(safety_factor=2.0)).safety_factor
             2.0
         """
@@ -351,7 +351,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.shaft_torque(np.array([9.81]), np.array([0.0]), np.array([0.0]))
             array([0.24525])
         """
@@ -375,7 +375,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.electrical_power(np.array([17.0, -10.0]))
             array([20. , -8.5])
         """
@@ -398,7 +398,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.supply_power(np.array([0.17]), np.array([100.0]))
             array([20.])
         """
@@ -423,7 +423,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.load_robot_config("geared_pendulum").actuators["shoulder"].continuous_torque(100.0)
+            >>> bc.load_scene("geared_pendulum").actuators["shoulder"].continuous_torque(100.0)
             0.32
         """
         speed = arguments.number("speed", speed, "rad/s")
@@ -444,7 +444,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.available_torque(np.array([0.0, 700.0]))
             array([0.95, 0.  ])
         """
@@ -468,7 +468,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.limit_uses(np.array([0.475]), np.array([100.0]))
             array([[0.5]])
         """
@@ -492,7 +492,7 @@ class Actuator:
 
         Example:
             >>> import bellcrank as bc, numpy as np
-            >>> actuator = bc.load_robot_config("geared_pendulum").actuators["shoulder"]
+            >>> actuator = bc.load_scene("geared_pendulum").actuators["shoulder"]
             >>> actuator.curve_use(np.array([0.475]), np.array([0.0]))
             array([0.5])
         """

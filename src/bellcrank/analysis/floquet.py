@@ -26,6 +26,7 @@ from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.tangent_space import adjoint
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.scene_notes import file_notes
@@ -146,7 +147,7 @@ class FloquetModes:
 
 
 @arguments.named
-def floquet(scene: Scene | str | Path, period: float, at: float = 0.0) -> FloquetModes:
+def floquet(scene: Scene | Robot | str | Path, period: float, at: float = 0.0) -> FloquetModes:
     """The Floquet multipliers of a periodic motion of a scene.
 
     This is for motions that are no relative equilibria of `linearise`: a driven mechanism that turns round and round, a
@@ -154,7 +155,7 @@ def floquet(scene: Scene | str | Path, period: float, at: float = 0.0) -> Floque
     (joints may have turned by whole turns, and a free base may have moved along a symmetry).
 
     Args:
-        scene: A scene, or the path or name of one.
+        scene: A scene or robot, or the path or name of its file.
         period: T, s.
         at: The time, s, of a run from the scene's start at which the period begins: late enough that a start that is
             not on the periodic motion has settled.

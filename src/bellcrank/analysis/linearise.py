@@ -31,7 +31,7 @@ from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from bellcrank.robot.robot import RobotJoint
+    from bellcrank.robot.robot import Robot, RobotJoint
 
 Array = NDArray[np.float64]
 Names = tuple[tuple[str, str], ...]
@@ -44,7 +44,7 @@ INVARIANT = 1e-8  # of the largest entry: an output that changes less along symm
 
 @arguments.named
 def linearise(
-    scene: Scene | Trajectory | str | Path,
+    scene: Scene | Robot | Trajectory | str | Path,
     at: str | float | None = None,
     *,
     inputs: Sequence[str] | None = None,

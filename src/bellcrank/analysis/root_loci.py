@@ -24,6 +24,8 @@ from bellcrank.scene.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bellcrank.robot.robot import Robot
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 MOST_VALUES = 10_000
@@ -144,7 +146,7 @@ class RootLoci:
 
 @arguments.named
 def root_loci(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     path: str,
     values: Sequence[Any],
     at: str | None = None,
@@ -156,7 +158,7 @@ def root_loci(
     Symmetries are left out of the states, so that the number of eigenvalues is the same for every value.
 
     Args:
-        scene: A scene, or the path or name of one.
+        scene: A scene or robot, or the path or name of its file.
         path: The path of the number, as in `Scene.with_overrides`: a parameter's name, "initial.velocity.wheel", ….
         values: Its values.
         at: The operating point, as in `linearise`: "equilibrium", "steady" or "start".

@@ -63,7 +63,8 @@ class Linkage:
 
     Example:
         >>> import bellcrank as bc
-        >>> linkage = bc.Linkage(bc.load_scene("five_bar"))
+        >>> from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+        >>> linkage = Linkage(bc.load_scene("five_bar"))
         >>> motion = linkage.motion("pick")
         >>> torque, _ = linkage.torques(motion.time, motion.position, motion.velocity, motion.acceleration)
         >>> torque.shape == (len(motion.time), len(linkage.motors))

@@ -18,6 +18,9 @@ from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.numerics import singular_values, svd
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -103,7 +106,7 @@ class Mobility:
 
 
 @arguments.named
-def mobility(scene: Scene) -> Mobility:
+def mobility(scene: Scene | Robot | str | Path) -> Mobility:
     """The mobility of a scene's mechanism at its start.
 
     The freedoms are the null space of J, the derivative of the constraints' velocity residuals by v, in units of rad
@@ -111,7 +114,7 @@ def mobility(scene: Scene) -> Mobility:
     constraints.
 
     Args:
-        scene: The scene, as `bellcrank.load_scene` reads it.
+        scene: A scene or robot, or the path or name of its file.
 
     Returns:
         The freedoms, redundant conditions and actuated freedoms.
@@ -125,9 +128,9 @@ def mobility(scene: Scene) -> Mobility:
         >>> found.freedoms, found.rank, found.passive_freedoms
         (2, 2, 0)
     """
-    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.load import given_scene
 
-    arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
+    scene = given_scene(scene)
     q, v = consistent_start(scene)
     jacobian = _jacobian(scene, q, v)
     free = _null_space(jacobian)

@@ -10,13 +10,16 @@ from bellcrank.dynamics.system import system_of, system_parameters
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import casadi
 
+    from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
 
 @arguments.named
-def scene_casadi(scene: Scene) -> casadi.Function:
+def scene_casadi(scene: Scene | Robot | str | Path) -> casadi.Function:
     """The right-hand side of a scene's equations of motion as a casadi Function of expressions.
 
     Inputs: the time t (s), position q (nq), velocity v (nv), signals u (nu: what tables and motions give at t, then
@@ -52,9 +55,9 @@ def scene_casadi(scene: Scene) -> casadi.Function:
     """
     import casadi
 
-    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.load import given_scene
 
-    arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
+    scene = given_scene(scene)
     if scene.drives:
         raise InputError(
             f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which this "

@@ -14,6 +14,9 @@ from bellcrank.dynamics.linear_equations import equation_code
 from bellcrank.dynamics.system import system_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -72,7 +75,7 @@ class SceneDerivatives:
 
 @arguments.named
 def scene_derivatives(
-    scene: Scene, q: Any = None, v: Any = None, time: float = 0.0, torque: Any = None
+    scene: Scene | Robot | str | Path, q: Any = None, v: Any = None, time: float = 0.0, torque: Any = None
 ) -> SceneDerivatives:
     """The derivatives of a scene's accelerations and constraint forces, exact to rounding.
 
@@ -104,9 +107,9 @@ def scene_derivatives(
         >>> found.of_acceleration.position.round(6)
         array([[-9.81]])
     """
-    from bellcrank.scene.scene import Scene
+    from bellcrank.scene.load import given_scene
 
-    arguments.instance("scene", scene, Scene, "a scene", remedy="bc.load_scene reads one")
+    scene = given_scene(scene)
     robot, start = scene.robot, None
     if q is None or v is None:
         start = consistent_start(scene)

@@ -19,6 +19,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import Note, in_use, ranked
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 
@@ -147,7 +148,7 @@ class SceneInverseDynamics:
 
 @arguments.named
 def scene_inverse_dynamics(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     motion: Motion | str | Path,
     actuated: Sequence[str] | None = None,
     independent: Sequence[str] | None = None,

@@ -37,7 +37,7 @@ class LimitCost:
 
     Example:
         >>> import bellcrank as bc
-        >>> bc.LimitCost("torque of elbow", 0.4, -0.3).share
+        >>> bc.results.LimitCost("torque of elbow", 0.4, -0.3).share
         0.4
     """
 

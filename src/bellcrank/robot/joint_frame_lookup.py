@@ -38,7 +38,7 @@ class RobotDescription(Portable):
     """What a URDF and the arguments of `load_robot` say about a robot; `Robot` adds its dynamics."""
 
     def __init__(self, file: RobotFile, data: RobotData, options: LoadOptions) -> None:
-        self.file, self._data, self._options = file, data, options
+        self.file, self._data, self.options = file, data, options
         self.source = self.mesh_source = file.source  # names of mesh files are relative to the latter
         self.mesh_access = FileAccess.of(file.source.resolve())  # which of them are read
         self.name = data.name
@@ -99,9 +99,9 @@ class RobotDescription(Portable):
         from bellcrank.robot.pinocchio_model import pinocchio_model
 
         try:
-            model = pinocchio_model(self.urdf, self._options, mimic=bool(self._tree.mimics))[0]
+            model = pinocchio_model(self.urdf, self.options, mimic=bool(self._tree.mimics))[0]
         except InputError:
-            model = pinocchio_model(self.urdf, self._options, mimic=False)[0]
+            model = pinocchio_model(self.urdf, self.options, mimic=False)[0]
         model.gravity.linear = np.array(self.gravity)
         for joint in self.joints:
             if self.rotor_inertia[joint.v]:

@@ -67,7 +67,7 @@ Frame = tuple[str, tuple[float, ...], tuple[float, ...]]
 class RobotConfig:
     """The contents of a robot configuration, checked as far as that is possible without reading the URDF.
 
-    Configurations are made by `load_robot_config`.
+    It is a part of a `Scene`, which `load_scene` reads.
 
     Attributes:
         name: The robot's name in reports.
@@ -99,7 +99,7 @@ class RobotConfig:
 
     Example:
         >>> import bellcrank as bc
-        >>> config = bc.load_robot_config("planar_2r")
+        >>> config = bc.load_scene("planar_2r").config
         >>> config.name, list(config.motions), list(config.actuators)
         ('Planar 2R arm', ['elbow_up', 'elbow_down'], ['shoulder', 'elbow'])
     """
@@ -154,7 +154,7 @@ class RobotConfig:
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.load_robot_config("planar_2r").robot()
+            >>> bc.load_scene("planar_2r").config.robot()
             Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
         """
         from bellcrank.robot.file_readers import read_robot_file
@@ -215,7 +215,7 @@ class RobotConfig:
 
         Example:
             >>> import bellcrank as bc
-            >>> config = bc.load_robot_config("planar_2r")
+            >>> config = bc.load_scene("planar_2r").config
             >>> motion = config.motion(config.robot(), "elbow_up")
             >>> motion.position.shape
             (1001, 2)
@@ -229,33 +229,6 @@ class RobotConfig:
 def names() -> dict[str, Path]:
     """The paths of the bundled configurations, by name."""
     return {path.stem: path for path in sorted(bundled_data.folder("robots").glob("*.yaml"))}
-
-
-@arguments.named
-def load_robot_config(path_or_name: str | Path, *, trust: Trust = ()) -> RobotConfig:
-    """Read a robot configuration from a file, or by the name of a bundled one.
-
-    Args:
-        path_or_name: Path of a YAML file or a URDF, or name of a bundled configuration or robot (`bellcrank robots`
-            lists them). A URDF gives a configuration without motions and actuators.
-        trust: Folders from which files that the configuration names may be read, besides its own surroundings.
-
-    Returns:
-        The configuration.
-
-    Raises:
-        InputError: The file is missing or wrong; the message is one sentence with file, line and key.
-
-    Example:
-        >>> import bellcrank as bc
-        >>> bc.load_robot_config("planar_2r").gravity
-        (0.0, -9.81, 0.0)
-    """
-    source, urdf = find_config(path_or_name)
-    if not urdf:
-        return read_config(source, FileAccess.of(source, trust))
-    data, access = robot_file_data(source, trust)
-    return _config(data, source, access)
 
 
 def robot_file_data(source: Path, trust: Trust = ()) -> tuple[SourceMapping, FileAccess]:
@@ -299,12 +272,8 @@ def find_config(path_or_name: str | Path) -> tuple[Path, bool]:
 def read_config(path: str | Path, access: FileAccess | None = None) -> RobotConfig:
     """Read a configuration's YAML file. Raises InputError, one sentence with file, line and key."""
     path = Path(path)
-    data = source_mapping(read_yaml(path))
-    return _config(data, path, FileAccess.of(path) if access is None else access)
-
-
-def _config(data: Mapping[str, Any], path: Path, access: FileAccess) -> RobotConfig:
-    merged, file = with_robot_file(data, path, access)
+    access = FileAccess.of(path) if access is None else access
+    merged, file = with_robot_file(source_mapping(read_yaml(path)), path, access)
     fields = Fields(merged, str(path), access=access)
     fields.only((*CONFIG_KEYS, *SCENE_KEYS))
     config = config_from_fields(fields, path)

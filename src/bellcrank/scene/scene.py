@@ -76,6 +76,7 @@ from bellcrank.scene.source_mapping import plain, source_mapping
 from bellcrank.scene.study import Study, read_study
 
 if TYPE_CHECKING:
+    from bellcrank.actuators.actuator import Actuator
     from bellcrank.elements.symbols import Symbols
     from bellcrank.motion.motion import Motion
 
@@ -158,6 +159,28 @@ class Scene(Portable):
         data: dict[str, Any] = plain(self.source_data)
         return data
 
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """The names of the motions under the key `motions`; `motion` computes one.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_scene("planar_2r").motions
+            ('elbow_up', 'elbow_down')
+        """
+        return tuple(self.config.motions)
+
+    @property
+    def actuators(self) -> Mapping[str, Actuator]:
+        """The motor and gear of joints, by joint; of a coupled transmission by motor.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.load_scene("geared_pendulum").actuators["shoulder"].ratio
+            20.0
+        """
+        return self.config.actuators
+
     def motion(self, name: str) -> Motion:
         """Compute one of the configuration's motions. It is computed once and then kept.
 
@@ -212,7 +235,7 @@ class Scene(Portable):
             bare = without_robot_file(self.source_data, self.config.file)
             data = apply_overrides(bare, overrides)
         same_robot = own(data) == own(self.source_data)
-        changed = _read(data, self.source, self.access, self if same_robot else None)
+        changed = read_scene(data, self.source, self.access, self if same_robot else None)
         mine = tuple(constraint for constraint in self.constraints if isinstance(constraint, FunctionConstraint))
         return replace(changed, constraints=(*changed.constraints, *mine)) if mine else changed
 
@@ -536,13 +559,13 @@ def load_scene(path_or_name: str | Path, overrides: Mapping[str, Any] | None = N
     names = named if isinstance(named, Mapping) else {}
     of_tree = {path: v for path, v in (overrides or {}).items() if path not in names and is_of_the_tree(path)}
     others = {path: value for path, value in (overrides or {}).items() if path not in of_tree}
-    scene = _read(apply_overrides(data, others) if others else data, source, access)
+    scene = read_scene(apply_overrides(data, others) if others else data, source, access)
     return scene.with_overrides(of_tree) if of_tree else scene
 
 
 def load_held_scene(source: Path) -> Scene:
     """Read the scene of a file that may name files in its own folder only. Raises InputError as `load_scene` does."""
-    return _read(source_mapping(read_yaml(source)), source, FileAccess(source.parent, source.parent, held=True))
+    return read_scene(source_mapping(read_yaml(source)), source, FileAccess(source.parent, source.parent, held=True))
 
 
 def scene_of_run(source: Path) -> RunScene:
@@ -554,7 +577,7 @@ def scene_of_run(source: Path) -> RunScene:
     return RunScene(scene.robot, scene.initial.clock, latches, held, auxiliary)
 
 
-def _read(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
+def read_scene(data: Mapping[str, Any], source: Path, access: FileAccess, like: Scene | None = None) -> Scene:
     """Read a scene from a mapping.
 
     `like` is a scene whose mapping has the same robot configuration; its configuration and robot are used again.

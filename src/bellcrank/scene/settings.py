@@ -65,7 +65,7 @@ class Settings:
 
     Example:
         >>> import bellcrank as bc
-        >>> settings = bc.Settings(duration=2.0, solver="RK4", step=1e-3)
+        >>> settings = bc.results.Settings(duration=2.0, solver="RK4", step=1e-3)
         >>> settings.stabilisation.kind
         'projection'
     """

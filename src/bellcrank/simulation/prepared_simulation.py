@@ -32,6 +32,7 @@ from bellcrank.simulation.status import Status
 if TYPE_CHECKING:
     from bellcrank.elements.element import Bound
     from bellcrank.elements.parameters import Parameter
+    from bellcrank.robot.robot import Robot
     from bellcrank.scene.settings import Stabilisation
     from bellcrank.simulation.integration import Integration
     from bellcrank.simulation.trajectory import Trajectory
@@ -248,7 +249,7 @@ _STATUSES = tuple(Status)
 
 @arguments.named
 def prepare(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     duration: float | None = None,
     solver: str | None = None,
     rtol: float | None = None,
@@ -269,7 +270,7 @@ def prepare(
     then takes little longer than stepping. For many runs that are known beforehand `sweep` is faster.
 
     Args:
-        scene: A scene, or the path or name of a scene file.
+        scene: A scene or robot, or the path or name of its file.
         duration: s.
         solver: As for `simulate`, like the other settings.
         rtol: Relative tolerance.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory import Trajectory
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 @arguments.named
 def simulate(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     duration: float | None = None,
     solver: str | None = None,
     rtol: float | None = None,
@@ -59,7 +60,7 @@ def simulate(
     m/s).
 
     Args:
-        scene: A scene, or the path or name of a scene file.
+        scene: A scene or robot, or the path or name of its file.
         duration: s.
         solver: "DOP853", "RK45", "Radau" (for stiff scenes), "auto" (DOP853 or Radau, as the scene needs) or "RK4".
         rtol: Relative tolerance.

@@ -36,7 +36,7 @@ def conditions_of(
     Example:
         >>> import bellcrank as bc
         >>> from bellcrank.sizing.axis_conditions import conditions_of
-        >>> conditions = conditions_of(bc.load_robot_config("planar_2r"), "elbow", {"ambient": 40.0})
+        >>> conditions = conditions_of(bc.load_scene("planar_2r").config, "elbow", {"ambient": 40.0})
         >>> conditions.safety_factor, dict(conditions.sources)
         (1.2, {'ambient': 'given', 'safety_factor': 'actuators.elbow'})
     """

@@ -21,6 +21,7 @@ from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.payload import Payload
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.selection.judged_axes import Objective
@@ -44,7 +45,7 @@ _CONDITION = re.compile(r"\A(conditions|actuators\.[^.]+)\.(.+)\Z")
 
 @arguments.named
 def select_designs(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     vary: Mapping[str, Any],
     motions: OneMotion | Sequence[OneMotion] | None = None,
     catalogue: Catalogue | str | Path | Sequence[str | Path] | None = None,

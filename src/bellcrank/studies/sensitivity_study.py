@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bellcrank import arguments
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.sensitivity import Sensitivity
 from bellcrank.studies.sweep import sweep
@@ -14,7 +15,7 @@ from bellcrank.studies.sweep import sweep
 
 @arguments.named
 def sobol_indices(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     vary: Mapping[str, Any] | None = None,
     *,
     n: int = 64,
@@ -34,7 +35,7 @@ def sobol_indices(
     gives the errors.
 
     Args:
-        scene: A scene, or the path or name of a scene file.
+        scene: A scene or robot, or the path or name of its file.
         vary: Parameters of the scene, or other dotted paths, with their distributions, such as "normal(1.24 m, 1 mm)"
             or "uniform(1 N m, 2 N m)". None: as the scene says under `study`.
         n: The number of Sobol points of each scrambling, a power of two.

@@ -13,6 +13,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.files.access import Trust
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING, check_keep_every
@@ -29,7 +30,7 @@ from bellcrank.studies.sweep_result import Sweep
 
 @arguments.named
 def sweep(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     vary: Mapping[str, Any] | None = None,
     *,
     size: bool = False,
@@ -56,7 +57,7 @@ def sweep(
     integrated at once. A design that cannot be built, or whose run does not reach its target, is a row with its reason.
 
     Args:
-        scene: A scene, or the path or name of a scene file.
+        scene: A scene or robot, or the path or name of its file.
         vary: Parameters of the scene, or other dotted paths such as "initial.crank" and "simulate.rtol". Each has
             values (numbers in SI units, or texts such as "1 deg"), a range "FIRST:LAST:COUNT", or a distribution:
             "normal(MEAN, SD)", "uniform(LOW, HIGH)", "truncnormal(MEAN, SD, LOW, HIGH)", "triangular(LOW, MODE,

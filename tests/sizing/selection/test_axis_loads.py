@@ -7,12 +7,13 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.actuators.mount import Mount
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.mechanism import mechanism_of as mechanism_of_robot
 from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
 from bellcrank.sizing.selection import axis_loads_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.subject import mechanism_and_motions
+from bellcrank.sizing.subject import sizing_subject
 from tests.support.actuator_bodies import body, payload_at_joint
 from tests.support.crane import FILES
 
@@ -20,8 +21,8 @@ pytestmark = pytest.mark.tier2
 
 
 def mechanism_of(name, payloads=()):
-    config = bc.load_robot_config(name)
-    return mechanism_and_motions(config, config.robot(payloads))
+    subject = sizing_subject(name, None, payloads)
+    return subject.mechanism, subject.motions
 
 
 def added_to(axes):
@@ -145,7 +146,7 @@ def test_a_scene_whose_parameters_place_joints_and_a_prismatic_joint(tmp_path, s
 def test_a_floating_base(tmp_path, same_samples):
     for file, text in FILES.items():
         (tmp_path / file).write_text(text)
-    robot = bc.load_robot_config(tmp_path / "flying.yaml").robot()
+    robot = bc.load_scene(tmp_path / "flying.yaml").config.robot()
     motion = moving(robot, "flight", 5)
     loads, found = compare(
         mechanism_of_robot(robot),
@@ -163,7 +164,7 @@ def test_a_floating_base(tmp_path, same_samples):
 )
 def test_linkages(name, actuated, same_samples):
     scene = bc.load_scene(name)
-    linkage = bc.Linkage(scene, actuated=actuated)
+    linkage = Linkage(scene, actuated=actuated)
     motion = linkage.motion(next(iter(scene.config.motions)))
     others = {} if actuated else {"crank": Mount(link="coupler", axis=(1.0, 2.0, 2.0))}
     place = (1 / 3, 2 / 3, 2 / 3)
@@ -176,7 +177,7 @@ def test_linkages(name, actuated, same_samples):
         return [body("coupler", one.mass, one.axial_inertia, one.transverse_inertia, place)], added
 
     def loaded(payloads):
-        return bc.Linkage(scene, linkage.robot.with_payloads(payloads), actuated)
+        return Linkage(scene, linkage.robot.with_payloads(payloads), actuated)
 
     loads, found = compare(linkage, loaded, [motion], bodies, others)
     assert np.abs(found[0].torque - loads.cycles[0].torque).max() > 1e-3
@@ -216,7 +217,7 @@ def test_a_linkage_with_a_floating_link_and_a_prismatic_joint(tmp_path, same_sam
     (tmp_path / "carried.urdf").write_text(FLOATING.replace("BODY", BODY))
     (tmp_path / "carried.yaml").write_text(CARRIED)
     scene = bc.load_scene(tmp_path / "carried.yaml")
-    linkage = bc.Linkage(scene)
+    linkage = Linkage(scene)
     mounts = {"crank": Mount(link="plate", axis=(2.0, 1.0, 2.0)), "rail": Mount(link="rocker_tip")}
 
     def bodies(axes):
@@ -228,7 +229,7 @@ def test_a_linkage_with_a_floating_link_and_a_prismatic_joint(tmp_path, same_sam
         ], added
 
     loads, found = compare(
-        linkage, lambda payloads: bc.Linkage(scene, linkage.robot.with_payloads(payloads)), [linkage.motion("swing")],
+        linkage, lambda payloads: Linkage(scene, linkage.robot.with_payloads(payloads)), [linkage.motion("swing")],
         bodies, mounts,
     )  # fmt: skip
     assert [axis.kind for axis in loads.axes] == ["rotary", "linear"]

@@ -7,12 +7,13 @@ import pinocchio as pin
 import pytest
 
 import bellcrank as bc
+from bellcrank.dynamics.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep, checked_duty
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.subject import mechanism_and_motions
+from bellcrank.sizing.subject import sizing_subject
 
 
 def arm_and_motions(friction="urdf"):
@@ -32,8 +33,8 @@ def squares(cycle):
 @pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "panda"])
 def test_torques_are_those_of_pinocchio_without_rotors_and_with_added_bodies(name):
-    config = bc.load_robot_config(name)
-    mechanism, motions = mechanism_and_motions(config, config.robot())
+    subject = sizing_subject(name, None)
+    mechanism, motions = subject.mechanism, subject.motions
     robot = mechanism.robot
     loads = axis_loads(mechanism, motions[:1])
     bodies = {axis.name: AddedMass(mass=1.0 + k, axial_inertia=0.01, transverse_inertia=0.02 + 0.01 * k)
@@ -63,9 +64,8 @@ def test_torques_are_those_of_pinocchio_without_rotors_and_with_added_bodies(nam
 @pytest.mark.tier2
 @pytest.mark.parametrize("name", ["ur5", "geared_pendulum", "planar_2r", "xarm7", "five_bar", "four_bar"])
 def test_peaks_and_integrals_are_those_of_size(name):
-    config = bc.load_robot_config(name)
-    mechanism, motions = mechanism_and_motions(config, config.robot())
-    loads, sizing = axis_loads(mechanism, motions), bc.size(mechanism, motions, config.actuators)
+    subject = sizing_subject(name, None)
+    loads, sizing = axis_loads(subject.mechanism, subject.motions), bc.size(name)
     for k, joint in enumerate(sizing.joints):
         scale = max(joint.peak_torque, 1e-9)
         assert max(abs(cycle.torque[:, k]).max() for cycle in loads.cycles) == pytest.approx(joint.peak_torque, 1e-9)
@@ -144,7 +144,7 @@ def test_rotors_of_a_linkage_are_not_part_of_the_loads(actuated):
     )  # fmt: skip
     found = []
     for one in (None, robot):
-        linkage = bc.Linkage(scene, one, actuated)
+        linkage = Linkage(scene, one, actuated)
         found.append(axis_loads(linkage, [linkage.motion("pick")]).cycles[0])
     assert found[0].torque.shape == found[1].torque.shape
     weighted = found[0].weight > 0.0  # the times of peaks are found only to the rounding of their values

@@ -123,11 +123,11 @@ def test_ratings_are_not_judged_by_voltage_or_inertia() -> None:
     assert by_name["nominal voltage"] == by_name["inertia ratio"] == "note"
 
 
-def voltages(selection: bc.Selection) -> list[float]:
+def voltages(selection: bc.results.Selection) -> list[float]:
     return [axis.chosen.motor.nominal_voltage for axis in selection.axes]
 
 
-def mass(selection: bc.Selection) -> float:
+def mass(selection: bc.results.Selection) -> float:
     return sum(axis.chosen.mass for axis in selection.axes)
 
 

@@ -50,7 +50,7 @@ def products(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def config(tmp_path_factory):
+def scene(tmp_path_factory):
     """The planar arm, whose elbow has a motor and gear with conditions of its own."""
     data = {
         "urdf": "planar_2r",
@@ -61,15 +61,15 @@ def config(tmp_path_factory):
     }
     path = tmp_path_factory.mktemp("arm") / "arm.yaml"
     path.write_text(yaml.safe_dump(data))
-    return bc.load_robot_config(path)
+    return bc.load_scene(path)
 
 
 @pytest.fixture(scope="module")
-def chosen(config, products):
-    return bc.select(config, None, products, conditions=GIVEN, candidates=2)
+def chosen(scene, products):
+    return bc.select(scene, None, products, conditions=GIVEN, candidates=2)
 
 
-def test_each_axis_has_what_is_given_then_its_own_then_those_of_the_robot(config, chosen):
+def test_each_axis_has_what_is_given_then_its_own_then_those_of_the_robot(scene, chosen):
     assert chosen.conditions == Conditions(
         **ROBOT | {"ambient": 25.0, "assume": {"gear.efficiency": 0.61, "gear.mass": 0.1}}
     )
@@ -78,23 +78,23 @@ def test_each_axis_has_what_is_given_then_its_own_then_those_of_the_robot(config
     assert elbow == Conditions(
         **ROBOT | ELBOW | {"ambient": 25.0, "assume": ROBOT["assume"] | ELBOW["assume"] | GIVEN["assume"]}
     )
-    assert elbow.sources == conditions_of(config, "elbow", GIVEN).sources
+    assert elbow.sources == conditions_of(scene.config, "elbow", GIVEN).sources
     assert {elbow.sources[name] for name in ("voltage", "assume.motor.rotor_inertia")} == {"actuators.elbow"}
     assert elbow.sources["ambient"] == elbow.sources["assume.gear.mass"] == "given"
     assert elbow.sources["supply_power"] == shoulder.sources["voltage"] == "conditions"
 
 
-def test_the_criteria_of_an_axis_are_judged_under_its_conditions(config, products, chosen):
+def test_the_criteria_of_an_axis_are_judged_under_its_conditions(scene, products, chosen):
     """As those of the same pairs where its conditions are given for the whole robot."""
     keep = {one.axis.name: one.chosen.id for one in chosen.axes}
     for one in chosen.axes:
-        same = bc.select(config, None, products, conditions=one.conditions, keep=keep, candidates=1, effort=0)
+        same = bc.select(scene, None, products, conditions=one.conditions, keep=keep, candidates=1, effort=0)
         for alone, among in zip(same.axis(one.axis.name).chosen.criteria, one.chosen.criteria, strict=True):
             assert replace(alone, use=None) == replace(among, use=None)
             assert alone.use == (
                 among.use and pytest.approx(among.use, rel=1e-14)
             )  # sums of other arrays may round differently
-    robot = bc.select(config, None, products, conditions=chosen.conditions, keep=keep, candidates=1, effort=0)
+    robot = bc.select(scene, None, products, conditions=chosen.conditions, keep=keep, candidates=1, effort=0)
     assert [*robot.axis("elbow").chosen.criteria] != [*chosen.axis("elbow").chosen.criteria]
 
 
@@ -120,7 +120,7 @@ def test_tables_and_json_say_where_each_condition_comes_from(chosen):
 
 def test_a_written_configuration_has_the_same_conditions_to_the_last_digit(chosen, tmp_path):
     path = chosen.write_config(tmp_path / "chosen.yaml")
-    data, again = yaml.safe_load(path.read_text()), bc.load_robot_config(path, trust="/")
+    data, again = yaml.safe_load(path.read_text()), bc.load_scene(path, trust="/").config
     assert again.conditions == chosen.conditions
     for one in chosen.axes:
         name = one.axis.name

@@ -13,7 +13,7 @@ from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.subject import mechanism_and_motions
+from bellcrank.sizing.subject import sizing_subject
 from tests.support import actuator_bodies
 
 pytestmark = pytest.mark.tier2
@@ -27,9 +27,10 @@ MOUNTS = {  # where motors move; that of the five-bar loads both axes, that of t
 
 def loaded(name, motor, gear):
     """The mechanism and motions with the body of the last axis's pair as a payload at its mount."""
-    config, [mount], one = bc.load_robot_config(name), MOUNTS[name].values(), cylinders(motor, gear)
+    [mount], one = MOUNTS[name].values(), cylinders(motor, gear)
     payload = actuator_bodies.body(mount.link, one.mass, one.axial_inertia, one.transverse_inertia, (0.0, 0.0, 1.0))
-    return mechanism_and_motions(config, config.robot([payload]))
+    subject = sizing_subject(name, None, [payload])
+    return subject.mechanism, subject.motions
 
 
 def exhaustive(name, catalogue):

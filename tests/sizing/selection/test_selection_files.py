@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from own_products import write_products
 
+import bellcrank as bc
 from bellcrank.actuators.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.errors import InputError
 from bellcrank.files.json_files import list_files
 from bellcrank.robot.payload import Payload
-from bellcrank.scene.robot_config import load_robot_config
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.selection.plots import plots_aside, selection_figures
 from bellcrank.sizing.selection.select import select
@@ -222,7 +222,7 @@ def test_size_of_the_written_file_has_the_loads_of_the_criteria(arm: Selection, 
 
 
 def test_the_written_file_keeps_the_original_and_names_sources(arm: Selection, written: Path) -> None:
-    before, after = load_robot_config("planar_2r"), load_robot_config(written)
+    before, after = bc.load_scene("planar_2r").config, bc.load_scene(written).config
     assert after.gravity == before.gravity and list(after.motions) == list(before.motions) and after.name == before.name
     assert after.urdf == before.urdf
     text = written.read_text()
@@ -282,7 +282,7 @@ def test_where_a_configuration_can_be_written(arm: Selection, tmp_path: Path, na
         with pytest.raises(InputError, match=message):
             arm.write_config(tmp_path / name)
     else:
-        assert load_robot_config(arm.write_config(tmp_path / name)).actuators
+        assert bc.load_scene(arm.write_config(tmp_path / name)).config.actuators
 
 
 def test_what_cannot_be_written_is_said(failing: Selection, arm: Selection, tmp_path: Path) -> None:
@@ -317,7 +317,7 @@ def test_a_selection_chooses_from_the_robots_own_catalogue(tmp_path: Path) -> No
     found = select(tmp_path / "robot.yaml", makers=["Own"])
     assert found.axes[0].chosen is not None and found.axes[0].chosen.motor.maker == "Own"
     (tmp_path / "other").mkdir()
-    again = load_robot_config(found.write_config(tmp_path / "other" / "chosen.yaml"))
+    again = bc.load_scene(found.write_config(tmp_path / "other" / "chosen.yaml")).config
     assert again.catalogue is not None and again.catalogue.resolve() == (tmp_path / "own").resolve()
 
 
@@ -339,7 +339,7 @@ def test_actuators_of_coupled_transmissions_are_written_by_motor(products: Catal
     found = select(tmp_path / "belt.yaml", None, products)
     assert [one.axis.name for one in found.axes] == ["shoulder", "elbow_motor"]
     path = found.write_config(tmp_path / "chosen.yaml")
-    config = load_robot_config(path)
+    config = bc.load_scene(path).config
     assert set(config.actuators) == {"shoulder", "elbow_motor"} and config.duty == found.inputs.config.duty
     sizing = size(path)
     shafts, cycle = dict(sizing.shafts), found.cycles[0]
@@ -359,7 +359,7 @@ def test_the_included_part_of_an_actuator_is_taken_off(products: Catalogue, tmp_
     )
     (tmp_path / "arm.yaml").write_text(text.replace("elbow_motor", "elbow"))
     found = select(tmp_path / "arm.yaml", None, products, keep={"elbow": "large+g160", "shoulder": "huge+g160"})
-    config = load_robot_config(found.write_config(tmp_path / "chosen.yaml"))
+    config = bc.load_scene(found.write_config(tmp_path / "chosen.yaml")).config
     assert sorted(load.mass for load in config.payloads) == pytest.approx([3.5, 7.5])
     heavy = text.replace("elbow_motor", "elbow").replace("included_mass: 1.0", "included_mass: 9.0")
     (tmp_path / "heavy.yaml").write_text(heavy)
@@ -371,7 +371,7 @@ def test_the_included_part_of_an_actuator_is_taken_off(products: Catalogue, tmp_
 
 def test_without_feedback_no_masses_are_written(products: Catalogue, tmp_path: Path) -> None:
     path = select("geared_pendulum", None, products, feedback=False).write_config(tmp_path / "chosen.yaml")
-    assert not load_robot_config(path).payloads and not load_robot_config(path).mounts
+    assert not bc.load_scene(path).config.payloads and not bc.load_scene(path).config.mounts
 
 
 def test_an_unknown_mass_is_said_and_not_written(unknown: Selection, tmp_path: Path) -> None:
@@ -379,4 +379,4 @@ def test_an_unknown_mass_is_said_and_not_written(unknown: Selection, tmp_path: P
 
     path, notes = write_config(unknown, tmp_path / "chosen.yaml")
     assert notes == ("the mass of bare+g160 is unknown, and not part of the file",)
-    assert not load_robot_config(path).payloads
+    assert not bc.load_scene(path).config.payloads

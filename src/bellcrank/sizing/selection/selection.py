@@ -308,7 +308,7 @@ class Selection(Portable, WithNotes, WithJson, WithCsv):
         Example:
             >>> import bellcrank as bc
             >>> path = bc.select("geared_pendulum").write_config("chosen.yaml")
-            >>> list(bc.load_robot_config(path, trust=".").actuators)
+            >>> list(bc.load_scene(path, trust=".").actuators)
             ['shoulder']
         """
         from bellcrank.sizing.selection.written_config import write_config

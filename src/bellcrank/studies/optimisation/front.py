@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.optimise_entry import MOST_POINTS
 from bellcrank.scene.scene import Scene
@@ -42,7 +43,7 @@ NEAR = 1e-3  # of objectives in units of their spread: designs that differ less 
 
 @arguments.named
 def pareto_front(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     variables: Mapping[str, Any] | None = None,
     *,
     minimise: str | Sequence[str] | None = None,

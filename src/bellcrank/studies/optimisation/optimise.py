@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
+from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.columns import varies
@@ -42,7 +43,7 @@ SAME_DESIGN = 1e-3  # up to this difference, scaled, and SAME_VALUE of the objec
 
 @arguments.named
 def optimise(
-    scene: Scene | str | Path,
+    scene: Scene | Robot | str | Path,
     variables: Mapping[str, Any] | None = None,
     *,
     minimise: str | None = None,
@@ -75,7 +76,7 @@ def optimise(
     best of them. Otherwise combinations are searched by branch and bound, with local searches inside.
 
     Args:
-        scene: A scene, or the path or name of a scene file.
+        scene: A scene or robot, or the path or name of its file.
         variables: Bounds (lower, upper) by parameter of the scene or dotted path, whatever `sweep` can vary; numbers
             in SI units, or texts such as "1 deg". Standard sizes are {"sizes": [0.3, 0.31]}, or {"lower": 0.3,
             "upper": 0.4, "step": "5 mm"}. None: as the scene says under `optimise`.
