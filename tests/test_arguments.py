@@ -523,8 +523,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
 
 def public() -> dict[str, Any]:
     """Every public callable by its qualified name."""
-    found = {}
-    classes = [SceneInverseDynamics]
+    found: dict[str, Any] = {"Linkage": Linkage}
+    classes = [SceneInverseDynamics, Linkage]
     for name in NAMES:
         thing = public_name(name)
         if inspect.isclass(thing) and name not in ERRORS:

@@ -176,7 +176,7 @@ NO_RESULTS = {
     "JointPath": "input", "MotionLimits": "input", "Mount": "input", "Payload": "input", "Settings": "input",
     "BellcrankError": "error", "CompileError": "error", "InputError": "error", "NotSavedError": "error",
     "UnreachableError": "error",
-    "Linkage": "its scene has the notes", "PreparedRun": "the runs have them",
+    "PreparedRun": "the runs have them",
     "PreparedSimulation": "the runs have them", "SceneDerivatives": "its scene has the notes",
     "RootLoci": "its linearisations have them", "Mobility": "counts of equations",
     "EventSensitivity": "part of a Trajectory", "JointSensitivity": "part of a Sizing",

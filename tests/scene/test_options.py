@@ -161,7 +161,7 @@ def test_ends_of_a_range_that_doubles_cannot_hold_are_refused(ends):
 
 def test_a_range_of_one_value_has_one_end():
     assert parse_axis("crank_length=1.2:1.2:1")[1].numbers.tolist() == [1.2]
-    with pytest.raises(InputError, match="count of 2 or more"):
+    with pytest.raises(InputError, match="count must be at least 2"):
         parse_axis("crank_length=1.2:1.3:1")
 
 

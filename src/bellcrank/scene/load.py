@@ -40,8 +40,8 @@ def load(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None, *
         >>> import bellcrank as bc
         >>> bc.load("pendulum")
         Scene('Simple pendulum', Robot('pendulum', 1 joints, nq=1, nv=1, pendulum.urdf), from pendulum.yaml)
-        >>> bc.load("urdf/pendulum.urdf")
-        Robot('pendulum', 1 joints, nq=1, nv=1, pendulum.urdf)
+        >>> bc.load("talos")
+        Robot('talos', 32 joints, nq=32, nv=32, talos_reduced.urdf)
     """
     scene = load_scene(path_or_name, overrides, trust=trust)
     file = scene.config.file

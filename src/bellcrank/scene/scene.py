@@ -177,7 +177,7 @@ class Scene(Portable):
         Example:
             >>> import bellcrank as bc
             >>> bc.load_scene("geared_pendulum").actuators["shoulder"].ratio
-            20.0
+            50.0
         """
         return self.config.actuators
 
