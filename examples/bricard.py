@@ -3,7 +3,7 @@
 import numpy as np
 
 import bellcrank as bc
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 
 P3 = (0.9999999977, -1.000067258, 0.99993274)  # m at 5 s, IFToMM's benchmark problem A04
 

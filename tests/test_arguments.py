@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.scene_inverse_dynamics import SceneInverseDynamics
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.scene_inverse_dynamics import SceneInverseDynamics
 from bellcrank.errors import BellcrankError, InputError
 from tests.support.public_names import NAMES
 from tests.support.public_names import public as public_name

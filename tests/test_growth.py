@@ -11,11 +11,11 @@ import bellcrank as bc
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen import llvm_ir
 from bellcrank.codegen.compile import compiled, make_ready
-from bellcrank.dynamics.consistent_start import displaced
-from bellcrank.dynamics.kkt import elimination_order
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.kkt import elimination_order
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import displaced
 from bellcrank.elements.symbols import Symbols
-from bellcrank.robot.joints import random_posture
+from bellcrank.robot.model.joints import random_posture
 from bellcrank.scene.scene import load_scene
 from bellcrank_bench.problems.n_four_bar import n_four_bar
 from bellcrank_bench.problems.urdf_texts import chain

@@ -10,7 +10,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank import numerics
-from bellcrank.motion.profile import KINDS, profile
+from bellcrank.motion.generators.profile import KINDS, profile
 
 HUGE = (1e-320, 1e-300, 1e-160, 1e-100, 1e-60, 1e60, 1e100, 1e160, 1e300, 1.7e308)
 

@@ -22,7 +22,7 @@ ROOMS = ("robot", "actuators", "motion", "elements", "dynamics", "simulation", "
 SOME_OF = {  # rooms that also hold what is no physics: these modules compute
     "scene": "constraint_conditions equation_symbols events free_joint_start initial output_quantities",
     "studies": "axes design_space distributions exceedance intervals measures plain_axes sample_statistics samples "
-    "scene_designs sensitivity_sample sizing_axes sizing_batch sizing_measures sobol_indices sweep_statistics "
+    "scene_designs sensitivity_sample sizing_changes many_sizings sizing_measures sobol_indices sweep_statistics "
     "tolerance variant_designs",
     "codegen": "directional expression_graph kernels llvm_ir tracer vector_math",
 }
@@ -130,7 +130,7 @@ def python_places(package: Path) -> list[Mutant]:
     for room in ROOMS:
         files += [path for path in (package / room).rglob("*.py") if computes(path.stem)]
     for room, modules in SOME_OF.items():
-        files += [package / room / f"{module}.py" for module in modules.split()]
+        files += [path for module in modules.split() for path in (package / room).rglob(f"{module}.py")]
     return [m for path in sorted(files) for m in places_in(path.read_text("utf-8"), str(path.relative_to(package)))]
 
 

@@ -15,26 +15,26 @@ _HOME = {
     "NotSavedError": "errors",
     "Robot": "robot.robot",
     "load_robot": "robot.load",
-    "Payload": "robot.payload",
+    "Payload": "robot.model.payload",
     "Motion": "motion.motion",
-    "circle": "motion.frame_motions",
-    "line": "motion.frame_motions",
-    "waypoints": "motion.waypoints",
-    "tool_path": "motion.tool_path",
-    "point_to_point": "motion.point_to_point",
-    "dwell": "motion.waypoints",
+    "circle": "motion.generators.frame_motions",
+    "line": "motion.generators.frame_motions",
+    "waypoints": "motion.generators.waypoints",
+    "tool_path": "motion.generators.tool_path",
+    "point_to_point": "motion.generators.point_to_point",
+    "dwell": "motion.generators.waypoints",
     "join": "motion.motion",
-    "read_motion": "motion.csv_file",
-    "write_motion": "motion.csv_file",
+    "read_motion": "motion.sampled.csv_file",
+    "write_motion": "motion.sampled.csv_file",
     "Actuator": "actuators.actuator",
     "Motor": "actuators.motor",
     "Gear": "actuators.gear",
     "Conditions": "actuators.conditions",
     "Mount": "actuators.mount",
     "CoupledTransmission": "actuators.coupled_transmission",
-    "Catalogue": "actuators.catalogue",
-    "load_catalogue": "actuators.catalogue",
-    "write_catalogue": "actuators.catalogue_writer",
+    "Catalogue": "actuators.catalogue.catalogue",
+    "load_catalogue": "actuators.catalogue.catalogue",
+    "write_catalogue": "actuators.catalogue.catalogue_writer",
     "size": "sizing.size",
     "judge": "sizing.judge",
     "verify_selection": "sizing.verification",
@@ -44,31 +44,31 @@ _HOME = {
     "load_scene": "scene.scene",
     "simulate": "simulation.simulate",
     "prepare": "simulation.prepared_simulation",
-    "load_run": "simulation.load_run",
+    "load_run": "simulation.files.load_run",
     "linearise": "analysis.linearise",
     "root_loci": "analysis.root_loci",
     "floquet": "analysis.floquet",
     "sweep": "studies.sweep",
     "optimise": "studies.optimisation.optimise",
     "pareto_front": "studies.optimisation.front",
-    "select_designs": "studies.select_designs",
+    "select_designs": "studies.selection.select_designs",
     "synthesise": "studies.synthesis.synthesise",
     "time_optimal": "planning.time_optimal",
     "speed_factor": "planning.speed_scaling",
     "repeated_cycle": "planning.repeated_cycle",
-    "MotionLimits": "planning.motion_limits",
+    "MotionLimits": "planning.limits.motion_limits",
     "JointPath": "planning.joint_path",
     "joint_path": "planning.joint_path",
     "sobol_indices": "studies.sensitivity_study",
-    "scene_derivatives": "dynamics.scene_derivatives",
-    "scene_casadi": "dynamics.scene_casadi",
-    "scene_inverse_dynamics": "dynamics.scene_inverse_dynamics",
-    "mobility": "dynamics.mobility",
-    "plot": "simulation.run_plot:plot_run",
+    "scene_derivatives": "dynamics.equations.scene_derivatives",
+    "scene_casadi": "dynamics.equations.scene_casadi",
+    "scene_inverse_dynamics": "dynamics.inverse.scene_inverse_dynamics",
+    "mobility": "dynamics.constraints.mobility",
+    "plot": "simulation.trajectory.run_plot:plot_run",
     "replay": "replays.replay",
     "show": "replays.replay",
     "report": "reports.report",
-    "check_urdf": "robot.check",
+    "check_urdf": "robot.checks.check",
     "wait_for_optimised_code": "codegen.full_tier",
 }
 __all__ = [  # written out, because type checkers do not evaluate it
@@ -142,8 +142,8 @@ if TYPE_CHECKING:
     __version__: str
     from bellcrank import results
     from bellcrank.actuators.actuator import Actuator
-    from bellcrank.actuators.catalogue import Catalogue, load_catalogue
-    from bellcrank.actuators.catalogue_writer import write_catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
+    from bellcrank.actuators.catalogue.catalogue_writer import write_catalogue
     from bellcrank.actuators.conditions import Conditions
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.actuators.gear import Gear
@@ -153,41 +153,41 @@ if TYPE_CHECKING:
     from bellcrank.analysis.linearise import linearise
     from bellcrank.analysis.root_loci import root_loci
     from bellcrank.codegen.full_tier import wait_for_optimised_code
-    from bellcrank.dynamics.mobility import mobility
-    from bellcrank.dynamics.scene_casadi import scene_casadi
-    from bellcrank.dynamics.scene_derivatives import scene_derivatives
-    from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
+    from bellcrank.dynamics.constraints.mobility import mobility
+    from bellcrank.dynamics.equations.scene_casadi import scene_casadi
+    from bellcrank.dynamics.equations.scene_derivatives import scene_derivatives
+    from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
-    from bellcrank.motion.csv_file import read_motion, write_motion
-    from bellcrank.motion.frame_motions import circle, line
+    from bellcrank.motion.generators.frame_motions import circle, line
+    from bellcrank.motion.generators.point_to_point import point_to_point
+    from bellcrank.motion.generators.tool_path import tool_path
+    from bellcrank.motion.generators.waypoints import dwell, waypoints
     from bellcrank.motion.motion import Motion, join
-    from bellcrank.motion.point_to_point import point_to_point
-    from bellcrank.motion.tool_path import tool_path
-    from bellcrank.motion.waypoints import dwell, waypoints
+    from bellcrank.motion.sampled.csv_file import read_motion, write_motion
     from bellcrank.planning.joint_path import JointPath, joint_path
-    from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.limits.motion_limits import MotionLimits
     from bellcrank.planning.repeated_cycle import repeated_cycle
     from bellcrank.planning.speed_scaling import speed_factor
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.replays.replay import replay, show
     from bellcrank.reports.report import report
-    from bellcrank.robot.check import check_urdf
+    from bellcrank.robot.checks.check import check_urdf
     from bellcrank.robot.load import load_robot
-    from bellcrank.robot.payload import Payload
+    from bellcrank.robot.model.payload import Payload
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.load import load
     from bellcrank.scene.scene import Scene, load_scene
-    from bellcrank.simulation.load_run import load_run
+    from bellcrank.simulation.files.load_run import load_run
     from bellcrank.simulation.prepared_simulation import prepare
-    from bellcrank.simulation.run_plot import plot_run as plot
     from bellcrank.simulation.simulate import simulate
+    from bellcrank.simulation.trajectory.run_plot import plot_run as plot
     from bellcrank.sizing.judge import judge
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.size import size
     from bellcrank.sizing.verification import verify_selection
     from bellcrank.studies.optimisation.front import pareto_front
     from bellcrank.studies.optimisation.optimise import optimise
-    from bellcrank.studies.select_designs import select_designs
+    from bellcrank.studies.selection.select_designs import select_designs
     from bellcrank.studies.sensitivity_study import sobol_indices
     from bellcrank.studies.sweep import sweep
     from bellcrank.studies.synthesis.synthesise import synthesise

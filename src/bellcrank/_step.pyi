@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.design_parameters import RowSampling
-from bellcrank.dynamics.start_equations import StartEquations
-from bellcrank.simulation.ensemble_problem import EnsembleProblem
-from bellcrank.simulation.integration_problem import IntegrationProblem
-from bellcrank.simulation.propagation import SensitivityProblem
+from bellcrank.dynamics.equations.design_parameters import RowSampling
+from bellcrank.dynamics.postures.start_equations import StartEquations
+from bellcrank.simulation.integration.ensemble_problem import EnsembleProblem
+from bellcrank.simulation.integration.integration_problem import IntegrationProblem
+from bellcrank.simulation.sensitivities.sensitivity_integration import SensitivityProblem
 
 def evaluate(
     address: int, inputs: tuple[Any, ...], input_sizes: tuple[int, ...], output_sizes: tuple[int, ...]

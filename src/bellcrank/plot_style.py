@@ -19,8 +19,8 @@ from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.messages import unknown_name
+from bellcrank.printable_text import readable
 from bellcrank.terminal import interruption
-from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

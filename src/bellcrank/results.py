@@ -15,27 +15,27 @@ _HOME = {
     "Settings": "scene.settings",
     "PreparedSimulation": "simulation.prepared_simulation",
     "PreparedRun": "simulation.prepared_simulation",
-    "Trajectory": "simulation.trajectory",
-    "RunSensitivity": "simulation.sensitivities",
-    "EventSensitivity": "simulation.sensitivities",
+    "Trajectory": "simulation.trajectory.trajectory",
+    "RunSensitivity": "simulation.sensitivities.sensitivities",
+    "EventSensitivity": "simulation.sensitivities.sensitivities",
     "Linearisation": "analysis.linearisation",
     "Mode": "analysis.mode",
     "RootLoci": "analysis.root_loci",
     "FloquetModes": "analysis.floquet",
-    "DesignSelection": "studies.design_selection",
+    "DesignSelection": "studies.selection.design_selection",
     "ParetoFront": "studies.optimisation.pareto_result",
     "Optimum": "studies.optimisation.optimum",
     "Synthesis": "studies.synthesis.synthesis",
-    "Sweep": "studies.sweep_result",
+    "Sweep": "studies.results.sweep_result",
     "RepeatedCycle": "planning.cycle_result",
     "SpeedFactor": "planning.speed_scaling",
     "FastestMotion": "planning.fastest_motion",
     "LimitCost": "planning.fastest_motion",
-    "Sensitivity": "studies.sensitivity",
-    "SampleStatistics": "studies.sample_statistics",
-    "SceneDerivatives": "dynamics.scene_derivatives",
-    "Slopes": "dynamics.scene_derivatives",
-    "Mobility": "dynamics.mobility",
+    "Sensitivity": "studies.results.sensitivity",
+    "SampleStatistics": "studies.results.sample_statistics",
+    "SceneDerivatives": "dynamics.equations.scene_derivatives",
+    "Slopes": "dynamics.equations.scene_derivatives",
+    "Mobility": "dynamics.constraints.mobility",
 }
 __all__ = [  # written out, because type checkers do not evaluate it
     "DesignSelection",
@@ -75,26 +75,26 @@ if TYPE_CHECKING:
     from bellcrank.analysis.linearisation import Linearisation
     from bellcrank.analysis.mode import Mode
     from bellcrank.analysis.root_loci import RootLoci
-    from bellcrank.dynamics.mobility import Mobility
-    from bellcrank.dynamics.scene_derivatives import SceneDerivatives, Slopes
+    from bellcrank.dynamics.constraints.mobility import Mobility
+    from bellcrank.dynamics.equations.scene_derivatives import SceneDerivatives, Slopes
     from bellcrank.planning.cycle_result import RepeatedCycle
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.speed_scaling import SpeedFactor
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.prepared_simulation import PreparedRun, PreparedSimulation
-    from bellcrank.simulation.sensitivities import EventSensitivity, RunSensitivity
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.sensitivities.sensitivities import EventSensitivity, RunSensitivity
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
     from bellcrank.sizing.drive_verdicts import DriveVerdicts
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.selection import Selection
     from bellcrank.sizing.sensitivities import JointSensitivity, SizingSensitivity
     from bellcrank.sizing.verification import SelectionVerification
-    from bellcrank.studies.design_selection import DesignSelection
     from bellcrank.studies.optimisation.optimum import Optimum
     from bellcrank.studies.optimisation.pareto_result import ParetoFront
-    from bellcrank.studies.sample_statistics import SampleStatistics
-    from bellcrank.studies.sensitivity import Sensitivity
-    from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.results.sample_statistics import SampleStatistics
+    from bellcrank.studies.results.sensitivity import Sensitivity
+    from bellcrank.studies.results.sweep_result import Sweep
+    from bellcrank.studies.selection.design_selection import DesignSelection
     from bellcrank.studies.synthesis.synthesis import Synthesis
 
 

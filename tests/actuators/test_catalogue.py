@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import SHIPPED
-from bellcrank.actuators.catalogue_checks import contradictions
-from bellcrank.actuators.catalogue_columns import QUALITIES
+from bellcrank.actuators.catalogue.catalogue import SHIPPED
+from bellcrank.actuators.catalogue.catalogue_checks import contradictions
+from bellcrank.actuators.catalogue.catalogue_columns import QUALITIES
 from bellcrank.sizing.selection.pairs import Pairs
 
 WHOLE = bc.load_catalogue(contradicting=True)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue_checks import GEAR_CHECKS, checks_applied, contradictions
-from bellcrank.actuators.motor_checks import MOTOR_CHECKS
+from bellcrank.actuators.catalogue.catalogue_checks import GEAR_CHECKS, checks_applied, contradictions
+from bellcrank.actuators.catalogue.motor_checks import MOTOR_CHECKS
 
 RPM = math.pi / 30.0
 # Made from U = 24 V, R = 0.6 Ω, k = 0.04 N m/A, J = 2e-5 kg m² by the formulas that the checks compare.

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bellcrank.actuators import electrical
-from bellcrank.actuators.catalogue import load_catalogue
+from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.errors import InputError

@@ -10,7 +10,7 @@ import pytest
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data, actuator_from_fields
-from bellcrank.actuators.catalogue import load_catalogue
+from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor

@@ -3,8 +3,8 @@
 import pytest
 
 from bellcrank.codegen.expression_graph import contracted
-from bellcrank.dynamics.directional_equations import DirectionalEquations
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.directional_equations import DirectionalEquations
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.scene import load_scene
 from bellcrank_bench.measurements import sensitivity_speed
 

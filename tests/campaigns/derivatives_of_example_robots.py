@@ -10,7 +10,7 @@ from complex_step import dynamics_derivatives, random_state
 from example_robots import SOUND
 
 import bellcrank as bc
-from bellcrank.robot.derivative_equations import DerivativeEquations
+from bellcrank.robot.dynamics.derivative_equations import DerivativeEquations
 
 TOLERANCE = 1e-10  # of the largest entry of each matrix
 

@@ -13,7 +13,7 @@ import numpy as np
 from lone_designs import EXTREMES, lone, lone_extremes, statuses
 from study_scenes import STUDY_SCENES
 
-from bellcrank.studies.simulation_runner import SimulationRunner
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
 
 # The error: runs of the same tolerances whose steps differ, each with an error of its own. 6.4 was seen where a
 # prescribed motion ends within a step, which no step control sees.

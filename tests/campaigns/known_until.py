@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 import bellcrank as bc
-from bellcrank.simulation.error_estimate import error_bounds
+from bellcrank.simulation.trajectory.error_estimate import error_bounds
 
 SHIPPED = ("four_bar", "rolling_disk", "spring_pendulum", "five_bar", "ur5_falling")
 FINEST = 1e-13

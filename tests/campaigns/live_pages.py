@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import bellcrank as bc
-from bellcrank.sizing.live_sizing import FIGURES
+from bellcrank.sizing.live.live_sizing import FIGURES
 from tests.replays import test_live_runs as runs
 from tests.replays import test_live_sizing as sizings
 from tests.support.browser import launched, open_in

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
 AGREE = 1e-9
 CATALOGUE = bc.load_catalogue()

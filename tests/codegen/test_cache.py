@@ -16,7 +16,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.codegen import cache, cache_folder
 from bellcrank.codegen import llvm as machine
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 
 HEX = "0" * 64
 BLOCK = 4096
@@ -37,7 +37,8 @@ def entries(folder):
 
 def swing(duration=0.05):
     """The state at the end of a closed linkage's run, by code made or read anew."""
-    from bellcrank.dynamics import constraint_rows, system
+    from bellcrank.dynamics.constraints import constraint_rows
+    from bellcrank.dynamics.equations import system
 
     system._recent.clear(), system._systems.clear(), constraint_rows._samplers.clear(), constraint_rows._known.clear()
     return bc.simulate("four_bar", duration=duration, samples=3).state
@@ -433,7 +434,7 @@ def test_machine_code_of_scenes_that_are_gone_is_freed():
 
     import weakref
 
-    from bellcrank.dynamics import system
+    from bellcrank.dynamics.equations import system
 
     held, *codes = one(0.5)
     assert codes

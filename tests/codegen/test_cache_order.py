@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics import constraint_rows, system
-from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.constraints import constraint_rows
+from bellcrank.dynamics.constraints.constraint_rows import rows_of
+from bellcrank.dynamics.equations import system
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 pytestmark = pytest.mark.tier2
 

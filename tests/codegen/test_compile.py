@@ -372,7 +372,7 @@ def test_a_changed_source_anywhere_in_the_package_makes_recipes_stale(tmp_path, 
     monkeypatch.setattr(module, "_SETTLED", -1.0)  # the digest is kept in the cache at once
     digests = [module.sources.__wrapped__()]
     assert module.sources.__wrapped__() == digests[0]
-    for changed in ("motion/frame_task.py", "robot/equations.py", "codegen/kernels.py"):
+    for changed in ("motion/kinematics/pose_equations.py", "robot/dynamics/equations.py", "codegen/kernels.py"):
         with (copy / changed).open("a") as file:
             file.write("# changed\n")
         digests.append(module.sources.__wrapped__())

@@ -10,7 +10,7 @@ import bellcrank as bc
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen import llvm_ir
 from bellcrank.codegen.compile import compiled
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
 
 TARGETS = ["native", "avx2", "baseline"]
 _LANES = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p)

@@ -9,7 +9,7 @@ from bellcrank.codegen import kernels, llvm_ir
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
 from bellcrank.codegen.expression_graph import graph_of
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank_bench.problems.chains_and_arms import chain_scene
 from bellcrank_bench.problems.n_four_bar import n_four_bar
 

@@ -18,7 +18,7 @@ from bellcrank.codegen import compile as compile_module
 from bellcrank.codegen import full_tier
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import compiled
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.errors import CompileError
 
 
@@ -164,7 +164,8 @@ def test_a_function_that_many_threads_call_is_compiled_once(fresh_cache, monkeyp
 
 
 def fresh(monkeypatch):
-    from bellcrank.dynamics import constraint_rows, system
+    from bellcrank.dynamics.constraints import constraint_rows
+    from bellcrank.dynamics.equations import system
 
     system._recent.clear(), system._systems.clear(), constraint_rows._samplers.clear(), constraint_rows._known.clear()
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import SHIPPED
+from bellcrank.actuators.catalogue.catalogue import SHIPPED
 from bellcrank.cli import main
 from bellcrank.commands.catalogue import parse_range
 from bellcrank.commands.catalogue_tables import text_table

@@ -252,7 +252,7 @@ def test_ctrl_c_keeps_what_was_computed_and_exits_130(arm):
     marker = arm / "begun"
     script = (
         "import runpy, sys, pathlib\n"
-        "import bellcrank.simulation.integration as m\n"
+        "import bellcrank.simulation.integration.integration as m\n"
         "whole = m.Integration.run\n"
         f"m.Integration.run = lambda *a, **k: (pathlib.Path({str(marker)!r}).touch(), whole(*a, **k))[1]\n"
         f"sys.argv = {command[2:]!r}\n"

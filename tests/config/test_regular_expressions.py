@@ -15,9 +15,9 @@ import bellcrank
 from bellcrank.config.fields import parse_number
 from bellcrank.plot_style import _BREAK
 from bellcrank.replays.geometry.meshes import named_files
-from bellcrank.robot.urdf_elements import NUMBER
+from bellcrank.robot.formats.urdf_elements import NUMBER
 from bellcrank.scene.scene import load_scene
-from bellcrank.studies.axes import parse_axis, read_axis
+from bellcrank.studies.designs.axes import parse_axis, read_axis
 
 # what patterns begin with or repeat; each text of them ends with what spoils a match
 PIECES = [

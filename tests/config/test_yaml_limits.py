@@ -15,7 +15,7 @@ from bellcrank.config.yaml_file import MOST_DEPTH, MOST_REPEATED, read_value, re
 from bellcrank.errors import InputError
 from bellcrank.motion.entry_kinds import MOST_PARTS
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.studies.axes import parse_axis
+from bellcrank.studies.designs.axes import parse_axis
 
 
 def nested(levels: int, width: int = 9, flow: str = "[{}]") -> str:

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from bellcrank import load_robot
-from bellcrank.dynamics.base_frame_elimination import BaseRotation, mass_matrix
-from bellcrank.dynamics.constraint_derivatives import differentiate_constraints, time_derivative
+from bellcrank.dynamics.constraints.constraint_derivatives import differentiate_constraints, time_derivative
+from bellcrank.dynamics.equations.base_frame_elimination import BaseRotation, mass_matrix
 from bellcrank.elements.symbols import Symbols
-from bellcrank.robot.joints import random_posture
+from bellcrank.robot.model.joints import random_posture
 from bellcrank.scene.scene import load_scene
 
 INERTIA = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/>'

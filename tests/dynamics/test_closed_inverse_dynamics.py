@@ -7,9 +7,9 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.motion.motion import Motion
 
 FOUR_BAR = """

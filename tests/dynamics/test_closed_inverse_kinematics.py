@@ -7,10 +7,10 @@ from scipy.optimize import minimize
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.scene_inverse_dynamics import scene_inverse_dynamics
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.motion.frame_motions import line
+from bellcrank.motion.generators.frame_motions import line
 
 BASE, PLATFORM, ARM, ROD, HALF = 0.2, 0.06, 0.2, 0.5, 0.04
 TURNS = [2 * np.pi * k / 3 for k in range(3)]

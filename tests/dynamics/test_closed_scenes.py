@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.scene.scene import load_scene

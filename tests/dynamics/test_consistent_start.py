@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rows import rows_of
+from bellcrank.dynamics.constraints.constraint_rows import rows_of
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.scene_notes import scene_notes
 from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 BODY = (
     '<inertial><origin xyz="0.02 -0.03 0.05"/><mass value="{mass}"/>'

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_postures, consistent_velocities, reason
-from bellcrank.dynamics.constraint_alignment import alignment_cosines
-from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
-from bellcrank.dynamics.design_parameters import design_parameters
-from bellcrank.dynamics.posture_search import Constrained, StartCode
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines
+from bellcrank.dynamics.constraints.constraint_rows import rows_of, velocity_units
+from bellcrank.dynamics.equations.design_parameters import design_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import consistent_postures, consistent_velocities, reason
+from bellcrank.dynamics.postures.posture_search import Constrained, StartCode
 
 SCENES = ("four_bar", "five_bar", "bricard", "n_four_bar_2", "n_four_bar_40", "rolling_disk", "rolling_disk_six",
           "two_wheeler")  # fmt: skip

@@ -8,7 +8,7 @@ import yaml
 from extended_robots import diagonal, joint, link
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.errors import BellcrankError, InputError
 
 ROD = "".join(

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rows import velocity_units
+from bellcrank.dynamics.constraints.constraint_rows import velocity_units
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from tests.support.random_mechanisms import random_mechanism
 
 pytestmark = pytest.mark.tier2

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import bellcrank as bc
-from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.sampled.csv_file import write_motion
 
 
 def test_an_arm_with_a_spring_needs_the_same_torques_along_a_motion_and_along_its_file(tmp_path: Path) -> None:

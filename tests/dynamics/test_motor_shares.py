@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics import motor_shares as module
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.mechanism import mechanism_of
-from bellcrank.dynamics.motor_shares import motor_shares, torque_shares
+from bellcrank.dynamics.inverse import motor_shares as module
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.motor_shares import motor_shares, torque_shares
 
 pytestmark = pytest.mark.tier2
 

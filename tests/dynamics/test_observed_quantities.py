@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.constraint_alignment import alignment_cosines_along
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
+from bellcrank.dynamics.equations.system import system_of
 
 SCENES = ["four_bar", "bricard", "rolling_disk", "pendulum", "five_bar", "spring_pendulum", "planar_2r_tracking"]
 

@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
 FOLDER = Path(__file__).parent / "parallel_robots"  # BSD-3-Clause, see the LICENSE there
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -8,10 +8,10 @@ import pytest
 import bellcrank
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion, join
-from bellcrank.simulation.scene_notes import scene_notes
-from bellcrank.simulation.status import Status
+from bellcrank.motion.sampled.csv_file import write_motion
+from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 SCENE = """
 name: driven

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 
 SCENES = ("pendulum", "planar_2r_tracking", "four_bar", "rolling_disk", "bricard", "spring_pendulum")
 

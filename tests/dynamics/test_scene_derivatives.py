@@ -11,10 +11,10 @@ import bellcrank as bc
 from bellcrank.analysis.independent_states import independent_states
 from bellcrank.analysis.operating_point import operating_point
 from bellcrank.analysis.symmetries import project, symmetries_of
-from bellcrank.dynamics.consistent_start import consistent_start, displaced
-from bellcrank.dynamics.linear_equations import equation_code
-from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.dynamics.tangent_space import adjoint
+from bellcrank.dynamics.equations.linear_equations import equation_code
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.equations.tangent_space import adjoint
+from bellcrank.dynamics.postures.consistent_start import consistent_start, displaced
 from tests.support.extrapolated import slope
 
 MIMIC = """<robot name="mimic"><link name="base"/>

@@ -5,19 +5,19 @@ import pytest
 from scipy.optimize import least_squares
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import (
+from bellcrank.dynamics.constraints.constraint_rows import rows_of, velocity_units
+from bellcrank.dynamics.constraints.mobility import _jacobian, _null_space
+from bellcrank.dynamics.equations.system import system_parameters
+from bellcrank.dynamics.postures.consistent_start import (
     consistent_postures,
     consistent_start,
     given_posture,
     start_failure,
     starts_further_away,
 )
-from bellcrank.dynamics.constraint_rows import rows_of, velocity_units
-from bellcrank.dynamics.mobility import _jacobian, _null_space
-from bellcrank.dynamics.posture_search import Constrained, StartCode
-from bellcrank.dynamics.start_diagnosis import constraint_gaps
-from bellcrank.dynamics.system import system_parameters
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.dynamics.postures.posture_search import Constrained, StartCode
+from bellcrank.dynamics.postures.start_diagnosis import constraint_gaps
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 from tests.support.random_mechanisms import random_mechanism
 
 LINK = (
@@ -140,7 +140,7 @@ def test_least_squares_by_scipy_finds_no_start_either_where_none_is_found(tmp_pa
 def test_an_ensemble_finds_the_starts_that_lone_designs_find(tmp_path, monkeypatch):
     """In several blocks; with all joints held none has a start."""
     scene = random_mechanism(4, tmp_path).scene
-    monkeypatch.setattr("bellcrank.dynamics.consistent_start.BLOCK", 2)
+    monkeypatch.setattr("bellcrank.dynamics.postures.consistent_start.BLOCK", 2)
     rows = rows_of(scene)
     designs = Constrained(np.tile(system_parameters(scene), (5, 1)), rows.unit[None], np.array([rows.length]))
     given = np.tile(given_posture(scene), (5, 1))

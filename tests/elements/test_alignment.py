@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_alignment import full_angle_residuals
+from bellcrank.dynamics.constraints.constraint_alignment import full_angle_residuals
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.scene_notes import scene_notes
-from bellcrank.simulation.status import Status
+from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 ROBOT = """<robot name="chain"><link name="ground"/>
 {links}
@@ -87,7 +87,7 @@ def test_a_run_whose_weld_is_turned_over_ends_and_names_it(chain, monkeypatch):
     scene = chain(["{name: shut, kind: weld, frame_a: b, frame_b: world, point: [1, 0, 0]}"], "{c: 20 deg}")
     whole = bc.simulate(scene)
     over = np.where(np.arange(len(whole)) < 4, 1.0, -1.0)[:, None]
-    monkeypatch.setattr("bellcrank.simulation.integration.alignment_cosines_along", lambda *_: over)
+    monkeypatch.setattr("bellcrank.simulation.integration.integration.alignment_cosines_along", lambda *_: over)
     run = bc.simulate(scene)
     assert run.status is Status.TURNED_OVER and not run.success
     assert len(run) == 4 and run.time[-1] == whole.time[3]

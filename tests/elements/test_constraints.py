@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.simulate import simulate

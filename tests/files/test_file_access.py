@@ -21,7 +21,7 @@ from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, read_bytes, read_text
 from bellcrank.replays.geometry.visuals import robot_bodies
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.check import check_urdf
+from bellcrank.robot.checks.check import check_urdf
 
 SECRET = "mallory:*:19000:0:99999:7:::\nalice:$6$hash:19000:0:99999:7:::\n"
 TORQUES = "time [s],shoulder torque [N m]\n0,1\n1,2\n"

@@ -20,14 +20,14 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.commands import simulate as simulate_command
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
-from bellcrank.simulation import checkpoints
+from bellcrank.simulation.files import checkpoints
 from bellcrank.studies import sweep
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_ranges import DesignRange
-from bellcrank.studies.execution import Part
+from bellcrank.studies.designs.design_ranges import DesignRange
+from bellcrank.studies.execution.execution import Part
+from bellcrank.studies.results.study_columns import StudyColumns
 from bellcrank.terminal import interruption
 
 LONG = ["--duration", "1e6", "--samples", "1000001", "--set", "simulate.max_step=1e-3", "--no-plots"]
@@ -350,7 +350,7 @@ def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
         def run(self, work):
             for k in range(3):
                 yield Part(
-                    DesignRange(k, k + 1), Columns(statuses=("event",), status=np.zeros(1, np.int8), measures={})
+                    DesignRange(k, k + 1), StudyColumns(statuses=("event",), status=np.zeros(1, np.int8), measures={})
                 )
 
     clock = iter([0.0, 5.0, 6.0, 55.5, 56.5, 56.6])  # keeping takes 1 s: it waits for 50

@@ -9,8 +9,8 @@ import pytest
 
 import bellcrank
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.motion.frame_motions import circle, line
-from bellcrank.motion.rotations import angles_to, between, from_rpy
+from bellcrank.motion.generators.frame_motions import circle, line
+from bellcrank.motion.kinematics.rotations import angles_to, between, from_rpy
 
 CENTER, RADIUS, DURATION = (1.2, 1.2, 0.0), 0.2, 10.0
 PANDA_START = {

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import bellcrank
 from bellcrank.errors import InputError
 from bellcrank.motion import coordinates
-from bellcrank.motion.frame_motions import circle
+from bellcrank.motion.generators.frame_motions import circle
+from bellcrank.motion.generators.waypoints import dwell, waypoints
 from bellcrank.motion.motion import Motion, join
-from bellcrank.motion.waypoints import dwell, waypoints
 
 
 @pytest.fixture(scope="module")

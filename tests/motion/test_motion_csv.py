@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 import bellcrank
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.frame_motions import circle
-from bellcrank.motion.waypoints import dwell, waypoints
+from bellcrank.motion.generators.frame_motions import circle
+from bellcrank.motion.generators.waypoints import dwell, waypoints
+from bellcrank.motion.sampled.csv_file import read_motion, write_motion
 
 
 @pytest.fixture(scope="module")

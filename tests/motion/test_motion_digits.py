@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
 
 @pytest.fixture(scope="module")

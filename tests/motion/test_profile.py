@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bellcrank.errors import InputError
-from bellcrank.motion.profile import KINDS, profile
+from bellcrank.motion.generators.profile import KINDS, profile
 
 positive = st.floats(1e-3, 1e3)
 maybe = st.none() | positive

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import bellcrank
-from bellcrank.motion.acceleration_jumps import with_jumps
-from bellcrank.motion.csv_file import read_motion, write_motion
-from bellcrank.motion.differentiation import smooth_pieces
-from bellcrank.motion.file_precision import rounding_of
+from bellcrank.motion.generators.profile import profile
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.profile import profile
+from bellcrank.motion.sampled.acceleration_jumps import with_jumps
+from bellcrank.motion.sampled.csv_file import read_motion, write_motion
+from bellcrank.motion.sampled.differentiation import smooth_pieces
+from bellcrank.motion.sampled.file_precision import rounding_of
 
 ELBOW = -0.7  # the elbow moves by this share of the shoulder
 TELLS = ("too far apart", "does not agree", "rounded to", "rests on interpolation")

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.motion.tool_path import arc
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.motion.generators.tool_path import arc
 
 Array = NDArray[np.float64]
 BEGIN = (1.2, 0.3, 0.0)

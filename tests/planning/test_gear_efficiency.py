@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.planning.fastest_pass import fastest_on_grid
-from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.limits.path_limits import PathLimits
 from tests.support.scenes import with_actuators
 
 pytestmark = pytest.mark.tier2

@@ -10,11 +10,11 @@ import pytest
 import ruckig
 
 import bellcrank as bc
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.planning.fastest_pass import fastest_refined
-from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess, jerk_limited
+from bellcrank.planning.jerk.jerk_pass import JerkTiming, jerk_excess, jerk_limited
 from bellcrank.planning.joint_path import paths_of_motion
-from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.limits.path_limits import PathLimits
 
 pytestmark = pytest.mark.tier2
 

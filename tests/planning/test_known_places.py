@@ -5,13 +5,13 @@ import pytest
 from numpy.typing import NDArray
 
 import bellcrank as bc
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.planning import fastest_pass
 from bellcrank.planning.fastest_pass import fastest_refined
 from bellcrank.planning.joint_path import JointPath, joint_path, paths_of_motion
-from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.path_limits import PathLimits
-from bellcrank.planning.path_torques import KnownPlaces, PathPlaces
+from bellcrank.planning.limits.motion_limits import MotionLimits
+from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.planning.limits.path_torques import KnownPlaces, PathPlaces
 
 Array = NDArray[np.float64]
 TORQUES = {"shoulder": 40.0, "elbow": 15.0}

@@ -9,7 +9,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.planning.speed_scaling import scaled_motion
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 pytestmark = pytest.mark.tier2
 

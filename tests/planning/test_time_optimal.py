@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, linprog
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
 Array = NDArray[np.float64]
 INERTIA, LENGTH, MASS = 0.7, 0.6, 1.3
@@ -96,10 +96,10 @@ def test_viscous_friction_and_a_torque_speed_line_take_the_time_of_an_independen
 def _with_actuator(
     robot: bc.Robot, motion: bc.Motion, actuator: bc.Actuator, limits: bc.MotionLimits
 ) -> bc.results.FastestMotion:
-    from bellcrank.dynamics.mechanism import mechanism_of
+    from bellcrank.dynamics.inverse.mechanism import mechanism_of
     from bellcrank.planning.fastest_pass import fastest_refined
     from bellcrank.planning.joint_path import paths_of_motion
-    from bellcrank.planning.path_limits import PathLimits
+    from bellcrank.planning.limits.path_limits import PathLimits
 
     bounds = PathLimits(mechanism_of(robot), {"hinge": actuator}, limits)
     timing = fastest_refined(paths_of_motion(motion)[0], bounds)

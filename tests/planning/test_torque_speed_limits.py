@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.planning.motor_limits import torque_speed_polylines
+from bellcrank.planning.limits.motor_limits import torque_speed_polylines
 
 MOTOR = bc.Motor(
     id="m", maker="", model="", nominal_voltage=24.0, torque_constant=0.1, torque_constant_basis="dc", resistance=0.5,

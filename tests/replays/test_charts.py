@@ -8,20 +8,20 @@ from page_series import decoded, value_at
 
 import bellcrank as bc
 from bellcrank.files.bundled_data import folder
+from bellcrank.motion.generators.waypoints import dwell
 from bellcrank.motion.motion import join
-from bellcrank.motion.resampling import SHARE
-from bellcrank.motion.waypoints import dwell
+from bellcrank.motion.sampled.resampling import SHARE
 from bellcrank.replays.film import motion_film
 from bellcrank.replays.film.charts import run_charts
 from bellcrank.replays.film.film import Camera, Film
 from bellcrank.replays.film.motion_film import GAP, film_of_motion
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.replays.film.sizing_film import film_of_sizing
-from bellcrank.replays.geometry.shapes import Body
+from bellcrank.replays.geometry.shapes import DrawnBody
 from bellcrank.replays.page.film_encoding import encode_film
 from bellcrank.replays.page.page import write_page
-from bellcrank.simulation.plot_panels import linear_panels, shown_unit
-from bellcrank.sizing.joint_histories import SampledStates, joint_torques
+from bellcrank.simulation.trajectory.plot_panels import linear_panels, shown_unit
+from bellcrank.sizing.loads.joint_histories import SampledStates, joint_torques
 
 pytest_plugins = ("browser",)
 SOLVED = 1e-7  # of the largest value of a unit: what the solver's own interpolation is off between its steps
@@ -37,7 +37,7 @@ def bare(charts):
         title="series",
         time=np.zeros(1),
         poses=render_still,
-        bodies=(Body("b", ()),),
+        bodies=(DrawnBody("b", ()),),
         camera=Camera((1, 0, 0), (0, 0, 0), (0, 0, 1)),
         error_bound=1e-3,
         charts=charts,
@@ -139,7 +139,7 @@ SIZED = [name for name in NAMES if bc.load_scene(name).config.motions]
 def no_meshes(monkeypatch):
     """Films of bodies without shapes: meshes take seconds, and no plot shows them."""
     monkeypatch.setattr(
-        motion_film, "film_bodies", lambda robot, detail: (tuple(Body(link, ()) for link in robot.urdf.links), ())
+        motion_film, "film_bodies", lambda robot, detail: (tuple(DrawnBody(link, ()) for link in robot.urdf.links), ())
     )
 
 

@@ -10,9 +10,9 @@ from page_series import decoded
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.motion.hermite import smooth_between
-from bellcrank.motion.quaternions import from_matrices, make_continuous, multiply, rotate
-from bellcrank.motion.resampling import extreme_rows
+from bellcrank.motion.kinematics.quaternions import from_matrices, make_continuous, multiply, rotate
+from bellcrank.motion.sampled.hermite import smooth_between
+from bellcrank.motion.sampled.resampling import extreme_rows
 from bellcrank.replays.film.arrow_scale import arrow_scales
 from bellcrank.replays.film.arrows import RunFrames, run_arrows
 from bellcrank.replays.film.camera import ASPECT, HALF_VIEW, CameraScene, choose_camera, fit_camera, motion_plane_normal
@@ -22,9 +22,9 @@ from bellcrank.replays.film.motion_film import GAP, film_of_motion
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
 from bellcrank.replays.film.sizing_film import film_of_sizing
-from bellcrank.replays.geometry.shapes import Body, Mesh, Shape, bounding_boxes, outlines, world_corners
+from bellcrank.replays.geometry.shapes import DrawnBody, DrawnShape, Mesh, bounding_boxes, outlines, world_corners
 from bellcrank.replays.page.film_encoding import encode_film
-from bellcrank.simulation.status import Status
+from bellcrank.simulation.integration.status import Status
 
 SCENE = """
 name: Arm under forces
@@ -583,8 +583,8 @@ def test_an_outline_is_on_the_surface_and_reaches_as_far_as_the_shape_to_6_perce
         "mesh": ((1.0, 1.0, 1.0), np.abs(vertices).max(axis=0), lambda way: (vertices @ way).max()),
     }[kind]
     pose, mesh = (1.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.8), Mesh(vertices, np.zeros((0, 3), np.int32))
-    shape = Shape(kind=kind, size=size, colour=(1,) * 4, pose=pose, mesh=mesh if kind == "mesh" else None)
-    (points,) = outlines([Body("b", (shape,))])
+    shape = DrawnShape(kind=kind, size=size, colour=(1,) * 4, pose=pose, mesh=mesh if kind == "mesh" else None)
+    (points,) = outlines([DrawnBody("b", (shape,))])
     local = rotate(np.array([0.0, 0.0, -0.6, 0.8]), points - [1.0, 0.0, 0.0])
     for way in rng.normal(size=(200, 3)):
         way = way / np.linalg.norm(way)
@@ -619,11 +619,11 @@ def test_the_whole_motion_is_in_view_and_in_its_middle(name, sizing, four_bar, d
 
 def test_a_box_of_corners_holds_a_turned_shape():
     quarter = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
-    body = Body(
+    body = DrawnBody(
         "b",
         (
-            Shape(kind="box", size=(2.0, 0.2, 0.4), colour=(1, 1, 1, 1), pose=(1.0, 0.0, 0.0, *quarter)),
-            Shape(kind="sphere", size=(0.1,), colour=(1,) * 4),
+            DrawnShape(kind="box", size=(2.0, 0.2, 0.4), colour=(1, 1, 1, 1), pose=(1.0, 0.0, 0.0, *quarter)),
+            DrawnShape(kind="sphere", size=(0.1,), colour=(1,) * 4),
         ),
     )
     (corners,) = bounding_boxes([body])

@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.files import bundled_data
 from bellcrank.replays.film.sizing_film import film_of_sizing
-from bellcrank.sizing.live_sizing import live_sizing
+from bellcrank.sizing.live.live_sizing import live_sizing
 from tests.replays.test_live_sizing import NO_VIEW, compare, found_of, overrides_of, page_of
 
 pytest_plugins = ("browser",)

@@ -12,7 +12,7 @@ import yaml
 
 import bellcrank as bc
 from bellcrank.config.yaml_file import read_value
-from bellcrank.dynamics.system import system_parameters
+from bellcrank.dynamics.equations.system import system_parameters
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.simulation import live_simulation
 from tests.replays.test_live_sizing import NO_VIEW

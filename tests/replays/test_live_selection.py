@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
 from bellcrank.cli import main
 from bellcrank.replays.film.selection_film import film_of_selection
 from tests.replays.test_live_sizing import NO_VIEW, compare, found_of, page_of

@@ -16,9 +16,9 @@ from bellcrank.config.yaml_file import read_value
 from bellcrank.motion.coordinates import rates
 from bellcrank.replays.film.sizing_film import film_of_sizing
 from bellcrank.replays.page.page import page_html, write_page
-from bellcrank.robot.joints import unit_vectors
-from bellcrank.sizing.live_motion import motion_pieces, velocities
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.robot.model.joints import unit_vectors
+from bellcrank.sizing.live.live_motion import motion_pieces, velocities
+from bellcrank.sizing.sizing_subject import sizing_subject
 
 pytest_plugins = ("browser",)
 

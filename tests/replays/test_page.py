@@ -18,20 +18,20 @@ from bellcrank.errors import InputError
 from bellcrank.replays.film.arrow_scale import arrow_scales
 from bellcrank.replays.film.film import (
     Arrow,
-    Axis,
     BodyLayer,
     Camera,
     Chart,
     Film,
+    FilmAxis,
+    FilmLine,
+    FilmSpring,
     Ground,
-    Line,
     Rod,
-    Spring,
     TimelineEvent,
     Trace,
     XYPlot,
 )
-from bellcrank.replays.geometry.shapes import Body, Mesh, Shape
+from bellcrank.replays.geometry.shapes import DrawnBody, DrawnShape, Mesh
 from bellcrank.replays.page.page import ASSETS, page_html, write_page
 
 pytestmark = pytest.mark.tier2
@@ -76,9 +76,11 @@ def arm(n=601, end=10.0, **changes):
         "time": t,
         "poses": poses,
         "bodies": (
-            Body("upper", (Shape(kind="box", size=(0.5, 0.08, 0.1), colour=BLUE, pose=(0.25, 0, 0, 0, 0, 0, 1)),)),
-            Body("fore", (Shape(kind="box", size=tuple(BOX), colour=GREEN, pose=(0.2, 0, 0, 0, 0, 0, 1)),)),
-            Body("ball", (Shape(kind="sphere", size=(BALL,), colour=RED),)),
+            DrawnBody(
+                "upper", (DrawnShape(kind="box", size=(0.5, 0.08, 0.1), colour=BLUE, pose=(0.25, 0, 0, 0, 0, 0, 1)),)
+            ),
+            DrawnBody("fore", (DrawnShape(kind="box", size=tuple(BOX), colour=GREEN, pose=(0.2, 0, 0, 0, 0, 0, 1)),)),
+            DrawnBody("ball", (DrawnShape(kind="sphere", size=(BALL,), colour=RED),)),
         ),
         "camera": Camera((0.4, -2.6, 1.2), (0.0, 0.0, 0.6), (0, 0, 1)),
         "error_bound": 1e-4,
@@ -88,19 +90,19 @@ def arm(n=601, end=10.0, **changes):
             Arrow(name="contact", unit="N", points=places[:, 2], vectors=force),
             Arrow(name="motor", unit="N m", points=places[:, 1], vectors=0.1 * force, is_torque=True),
         ),
-        "springs": (Spring("spring", np.stack([0 * places[:, 0] + [-0.6, 0, 1.2], places[:, 1]], axis=1)),),
+        "springs": (FilmSpring("spring", np.stack([0 * places[:, 0] + [-0.6, 0, 1.2], places[:, 1]], axis=1)),),
         "axes": (
-            Axis(name="shoulder", body=0, point=(0, 0, 0), direction=(0, 1, 0), torsion_spring=True),
-            Axis(name="elbow", body=1, point=(0, 0, 0), direction=(0, 1, 0)),
+            FilmAxis(name="shoulder", body=0, point=(0, 0, 0), direction=(0, 1, 0), torsion_spring=True),
+            FilmAxis(name="elbow", body=1, point=(0, 0, 0), direction=(0, 1, 0)),
         ),
         "events": (TimelineEvent(2.5, "lock engages"), TimelineEvent(7.0, "contact lost")),
         "charts": (
-            Chart(title="position", unit="rad", time=t, lines=(Line("shoulder", q1), Line("elbow", q2))),
+            Chart(title="position", unit="rad", time=t, lines=(FilmLine("shoulder", q1), FilmLine("elbow", q2))),
             Chart(
                 title="residual",
                 unit="m",
                 time=t,
-                lines=(Line("loop", np.abs(1e-12 * np.sin(9 * t))),),
+                lines=(FilmLine("loop", np.abs(1e-12 * np.sin(9 * t))),),
                 logarithmic=True,
             ),
         ),
@@ -327,8 +329,8 @@ def drag(mouse, start, end):
 def test_a_mesh_is_drawn_and_shared_meshes_are_stored_once(open_page, folder):
     vertices = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.4, 0], [0, 0, 0.4]], dtype=np.float32)
     mesh = Mesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32))
-    shapes = tuple(Shape(kind="mesh", size=(s, s, s), colour=RED, mesh=mesh) for s in (1.0, 0.5))
-    film = arm(**EMPTY, bodies=(Body("upper", shapes), *arm().bodies[1:]))
+    shapes = tuple(DrawnShape(kind="mesh", size=(s, s, s), colour=RED, mesh=mesh) for s in (1.0, 0.5))
+    film = arm(**EMPTY, bodies=(DrawnBody("upper", shapes), *arm().bodies[1:]))
     opened = open_page(write_page(film, folder / "mesh.html", plots=False))
     assert len(json.loads(opened.tab.locator("#film").text_content())["meshes"]) == 1
     assert pixels_of(opened, 0, 2.0).sum() > 500 and opened.clean
@@ -500,7 +502,7 @@ def test_a_press_in_a_plane_goes_to_the_nearest_time(player):
 @pytest.mark.tier2
 def test_lines_are_chosen_in_the_legend_and_only_eight_are_shown_at_first(open_page, folder):
     t = np.linspace(0, 1, 50)
-    chart = Chart(title="many", unit="m", time=t, lines=tuple(Line(f"line {k}", np.sin(t + k)) for k in range(11)))
+    chart = Chart(title="many", unit="m", time=t, lines=tuple(FilmLine(f"line {k}", np.sin(t + k)) for k in range(11)))
     opened = open_page(write_page(arm(charts=(chart,), xy_plots=()), folder / "many.html"), size=(1000, 700))
     assert opened.tab.locator(".legend button").count() == 9
     opened.tab.click("text=3 more")
@@ -517,7 +519,7 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
     t = np.linspace(0.0, 10.0, 101)
     values = np.sin(t)
     values[40:61], values[80] = np.nan, np.inf
-    lines = (Line("broken", values), Line("nothing", np.full(101, np.nan)))
+    lines = (FilmLine("broken", values), FilmLine("nothing", np.full(101, np.nan)))
     charts = (
         Chart(title="gap", unit="m", time=t, lines=lines),
         Chart(title="log", unit="m", time=t, lines=lines, logarithmic=True),
@@ -538,8 +540,10 @@ def test_values_that_are_not_finite_are_gaps(open_page, folder):
 @pytest.mark.tier2
 def test_rounding_is_told_as_zero_beside_what_is_large(open_page, folder):
     t = np.linspace(0.0, 10.0, 101)
-    chart = Chart(title="speed", unit="m/s", time=t, lines=(Line("one", 2.0 + 0 * t), Line("noise", 8e-17 + 0 * t)))
-    small = Chart(title="small", unit="m", time=t, lines=(Line("all small", 8e-17 + 0 * t),))
+    chart = Chart(
+        title="speed", unit="m/s", time=t, lines=(FilmLine("one", 2.0 + 0 * t), FilmLine("noise", 8e-17 + 0 * t))
+    )
+    small = Chart(title="small", unit="m", time=t, lines=(FilmLine("all small", 8e-17 + 0 * t),))
     plane = XYPlot(title="p", x_label="x", y_label="y", time=t, x=np.cos(t), y=1e-17 * t)
     film = arm(charts=(chart, small), xy_plots=(dataclasses.replace(plane, y=np.where(t > 5, 1.0, 1e-17)),))
     opened = open_page(write_page(film, folder / "noise.html"), size=(1000, 700))
@@ -553,7 +557,9 @@ def test_lines_are_drawn_to_fractions_of_a_pixel_and_broken_between_motions(open
     """A slope of one pixel in twenty shows shades between its colour and the paper's; a gap of 1 ms is a gap."""
     t = np.array([0.0, 5.0, 5.0005, 5.001, 10.0])
     film = arm(
-        charts=(Chart(title="two", unit="m", time=t, lines=(Line("line", np.array([0.0, 0.1, np.nan, 1.0, 1.1])),)),),
+        charts=(
+            Chart(title="two", unit="m", time=t, lines=(FilmLine("line", np.array([0.0, 0.1, np.nan, 1.0, 1.1])),)),
+        ),
         xy_plots=(),
         events=(),
     )
@@ -573,8 +579,8 @@ def test_a_peak_that_would_hide_all_else_makes_a_chart_logarithmic_above_the_usu
     t = np.linspace(0.0, 10.0, 1001)
     peak = np.where(t > 9.9, 3000.0, np.sin(t))
     charts = (
-        Chart(title="force", unit="N", time=t, lines=(Line("a", peak),)),
-        Chart(title="usual", unit="N", time=t, lines=(Line("a", np.sin(t)),)),
+        Chart(title="force", unit="N", time=t, lines=(FilmLine("a", peak),)),
+        Chart(title="usual", unit="N", time=t, lines=(FilmLine("a", np.sin(t)),)),
     )
     opened = open_page(write_page(arm(charts=charts), folder / "peak.html"), size=(1000, 700))
     heads = [each.inner_text() for each in opened.tab.locator(".chart > header span").all()]
@@ -647,17 +653,17 @@ def test_names_cannot_bring_anything_into_the_page(open_page, folder):
         title=HOSTILE,
         time=t,
         poses=np.tile([0.0, 0, 0, 0, 0, 0, 1], (2, len(names), 1)),
-        bodies=tuple(Body(name, (Shape(kind="box", size=(0.1, 0.1, 0.1), colour=RED),)) for name in names),
+        bodies=tuple(DrawnBody(name, (DrawnShape(kind="box", size=(0.1, 0.1, 0.1), colour=RED),)) for name in names),
         camera=Camera((1, 1, 1), (0, 0, 0), (0, 0, 1)),
         error_bound=0.0,
         ground=None,
         traces=tuple(Trace(name, t, np.eye(2, 3)) for name in names),
         arrows=tuple(Arrow(name=name, unit=name, points=np.eye(2, 3), vectors=np.eye(2, 3)) for name in names),
-        springs=tuple(Spring(name, np.ones((2, 2, 3)) * [[[0], [1]]]) for name in names),
-        axes=tuple(Axis(name=name, body=0, point=(0, 0, 0), direction=(0, 0, 1)) for name in names),
+        springs=tuple(FilmSpring(name, np.ones((2, 2, 3)) * [[[0], [1]]]) for name in names),
+        axes=tuple(FilmAxis(name=name, body=0, point=(0, 0, 0), direction=(0, 0, 1)) for name in names),
         events=tuple(TimelineEvent(0.5, name) for name in names),
         charts=tuple(
-            Chart(title=name, unit=name, time=t, lines=tuple(Line(each, t) for each in names)) for name in names
+            Chart(title=name, unit=name, time=t, lines=tuple(FilmLine(each, t) for each in names)) for name in names
         ),
         xy_plots=tuple(
             XYPlot(title=name, x_label=name, y_label=name, time=t, x=t, y=t, limits=((name, np.eye(3, 2)),))
@@ -696,7 +702,7 @@ def test_a_film_of_one_frame_is_a_still(open_page, folder):
     one = {name: getattr(full, name)[:1] for name in ("time", "poses")}
     arrows = tuple(dataclasses.replace(a, points=a.points[:1], vectors=a.vectors[:1]) for a in full.arrows)
     springs = tuple(dataclasses.replace(s, ends=s.ends[:1]) for s in full.springs)
-    charts = (Chart(title="position", unit="rad", time=full.time[:1], lines=(Line("shoulder", np.array([1.5])),)),)
+    charts = (Chart(title="position", unit="rad", time=full.time[:1], lines=(FilmLine("shoulder", np.array([1.5])),)),)
     traces = (Trace("none", full.time[:1], np.zeros((1, 3))),)
     film = arm(**one, arrows=arrows, springs=springs, charts=charts, traces=traces, xy_plots=())
     opened = open_page(write_page(film, folder / "one.html"), size=(1000, 700))
@@ -745,9 +751,12 @@ def nan_pose(film):
             "its camera has no view direction",
         ),
         (lambda f: dataclasses.replace(f, error_bound=np.nan), "its error_bound is nan"),
-        (lambda f: dataclasses.replace(f, springs=(Spring("s", np.ones((2, 2, 3))),)), "spring 's' has no finite ends"),
         (
-            lambda f: dataclasses.replace(f, axes=(Axis(name="a", body=3, point=(0, 0, 0), direction=(0, 0, 1)),)),
+            lambda f: dataclasses.replace(f, springs=(FilmSpring("s", np.ones((2, 2, 3))),)),
+            "spring 's' has no finite ends",
+        ),
+        (
+            lambda f: dataclasses.replace(f, axes=(FilmAxis(name="a", body=3, point=(0, 0, 0), direction=(0, 0, 1)),)),
             "axis 'a' is of body 3",
         ),
         (
@@ -757,7 +766,7 @@ def nan_pose(film):
         (lambda f: dataclasses.replace(f, traces=(Trace("t", f.time, np.ones((2, 3))),)), r"trace 't' has points"),
         (
             lambda f: dataclasses.replace(
-                f, charts=(Chart(title="c", unit="m", time=f.time, lines=(Line("l", np.ones(2)),)),)
+                f, charts=(Chart(title="c", unit="m", time=f.time, lines=(FilmLine("l", np.ones(2)),)),)
             ),
             "line 'l' of chart 'c' does not have one value for each time",
         ),

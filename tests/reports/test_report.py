@@ -16,7 +16,7 @@ from bellcrank.replays.replay import NotebookPage, film_of
 from bellcrank.reports.report import document_html, report
 from bellcrank.reports.run_report import run_document
 from bellcrank.reports.sizing_report import sizing_document
-from bellcrank.simulation.run_plot import run_pages
+from bellcrank.simulation.trajectory.run_plot import run_pages
 
 pytest_plugins = ("browser",)
 

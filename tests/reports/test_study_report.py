@@ -18,9 +18,9 @@ from bellcrank.reports.document import Still
 from bellcrank.reports.live_study import live_study
 from bellcrank.reports.study_data import DEFAULT_VIEW, encoded_study, representative_rows, study_film
 from bellcrank.reports.study_report import study_document, write_study
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.samples import Sample
-from bellcrank.studies.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.samples import Sample
+from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.results.study_columns import StudyColumns
 
 pytest_plugins = ("browser",)
 
@@ -113,7 +113,7 @@ def test_a_page_holds_as_many_motions_as_fit(grid, monkeypatch):
 
 
 def document_of(sweep, limits=()):
-    from bellcrank.studies.sweep_statistics import sweep_sensitivity, sweep_statistics
+    from bellcrank.studies.results.sweep_statistics import sweep_sensitivity, sweep_statistics
 
     statistics = sweep_statistics(sweep) if sweep.space.sample is not None else None
     found = [statistics.exceedance(limit) for limit in limits]
@@ -257,7 +257,7 @@ def test_a_design_that_failed_tells_its_reason(page, grid):
 @pytest.mark.tier2
 def test_names_and_reasons_do_nothing_in_the_page(open_page, grid, tmp_path):
     rename = {"lock.time": HOSTILE, "lock.crank": "lock.crank"}
-    columns = Columns(
+    columns = StudyColumns(
         statuses=(HOSTILE, "duration", "infeasible"),
         status=grid.columns.status,
         measures={rename[name]: values for name, values in grid.columns.measures.items()},

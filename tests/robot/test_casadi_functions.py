@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.robot_derivatives import SIGNATURES
+from bellcrank.robot.dynamics.robot_derivatives import SIGNATURES
 
 PARAMETERS = ["link.forearm_link.mass", "joint.elbow_joint.origin.x"]
 

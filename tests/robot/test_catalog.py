@@ -11,7 +11,7 @@ import pytest
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.robot.catalog import SHORT_NAMES, find_urdf, names
-from bellcrank.robot.urdf_file import read_urdf
+from bellcrank.robot.formats.urdf_file import read_urdf
 
 
 def test_a_path_a_bundled_name_and_an_example_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,8 @@ def test_an_unknown_data_folder_is_refused() -> None:
 
 def test_finding_and_reading_a_robot_imports_nothing_heavy() -> None:
     program = (
-        "import sys; from bellcrank.robot.catalog import find_urdf; from bellcrank.robot.urdf_file import read_urdf;"
+        "import sys; from bellcrank.robot.catalog import find_urdf;"
+        "from bellcrank.robot.formats.urdf_file import read_urdf;"
         "read_urdf(find_urdf('ur5')).pinocchio_xml();"
         "print([m for m in ('pinocchio', 'casadi', 'yourdfpy', 'scipy', 'matplotlib', 'trimesh') if m in "
         "sys.modules])"

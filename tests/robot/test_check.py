@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from bellcrank.commands.check import add_arguments, run
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
-from bellcrank.robot.articulated_inertia import _pivots as eliminated
-from bellcrank.robot.articulated_inertia import articulated_inertias
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.check import Finding, check_urdf, format_findings
-from bellcrank.robot.element_checks import principal_moments
-from bellcrank.robot.urdf_file import Urdf, read_urdf
+from bellcrank.robot.checks.check import Finding, check_urdf, format_findings
+from bellcrank.robot.checks.element_checks import principal_moments
+from bellcrank.robot.dynamics.articulated_inertia import _pivots as eliminated
+from bellcrank.robot.dynamics.articulated_inertia import articulated_inertias
+from bellcrank.robot.formats.urdf_file import Urdf, read_urdf
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="2"/>'
 

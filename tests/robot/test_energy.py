@@ -6,7 +6,7 @@ import pytest
 from kinetic_energy import half_v_m_v, rotors, traced_energy
 
 import bellcrank as bc
-from bellcrank.robot.articulated_inertia import mass_matrix
+from bellcrank.robot.dynamics.articulated_inertia import mass_matrix
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.measurements.dynamics_speed import random_states
 from bellcrank_bench.problems.problem import scene_of

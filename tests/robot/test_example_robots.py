@@ -10,8 +10,8 @@ from kinetic_energy import half_v_m_v, rotors, traced_energy
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.robot.extended_joints import with_extended_joints, with_joint_models
-from bellcrank.robot.urdf_file import read_urdf
+from bellcrank.robot.formats.extended_joints import with_extended_joints, with_joint_models
+from bellcrank.robot.formats.urdf_file import read_urdf
 from bellcrank_bench.measurements.dynamics_speed import random_states
 from tests.campaigns.derivatives_of_example_robots import check
 

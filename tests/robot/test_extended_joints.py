@@ -7,9 +7,9 @@ from extended_robots import BOLT, MIXED, TOP, joint, link
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.robot.equations import inertia_diagonal
-from bellcrank.robot.extended_joints import with_extended_joints
-from bellcrank.robot.urdf_file import Urdf
+from bellcrank.robot.dynamics.equations import inertia_diagonal
+from bellcrank.robot.formats.extended_joints import with_extended_joints
+from bellcrank.robot.formats.urdf_file import Urdf
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import pytest
 
 from bellcrank.errors import InputError
-from bellcrank.robot.joint_types import with_joint_types
-from bellcrank.robot.urdf_file import Urdf
+from bellcrank.robot.formats.joint_types import with_joint_types
+from bellcrank.robot.formats.urdf_file import Urdf
 
 TEXT = """<?xml version="1.0"?>
 <robot name="r">

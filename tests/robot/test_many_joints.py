@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.articulated_inertia import _pivots
+from bellcrank.robot.dynamics.articulated_inertia import _pivots
 from bellcrank.robot.robot import Robot
-from bellcrank.sizing import holding_gravity, motion_grid
+from bellcrank.sizing import holding_gravity
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
+from bellcrank.sizing.loads import motion_grid
 from bellcrank_bench.problems.urdf_texts import chain
 
 pytestmark = pytest.mark.tier2
@@ -115,7 +116,7 @@ def test_the_diagonal_of_the_mass_matrix_grows_with_the_joints_and_is_that_of_th
     monkeypatch.setattr("bellcrank.robot.robot.LARGEST_WHOLE", 4)
     np.testing.assert_allclose(robot.inertia_diagonal(q), whole, rtol=1e-13)
     np.testing.assert_allclose(robot.inertia_diagonal(q[2]), whole[2], rtol=1e-13)
-    from bellcrank.robot.equations import inertia_diagonal
+    from bellcrank.robot.dynamics.equations import inertia_diagonal
 
     counts = []
     for links in (6, 12, 24):

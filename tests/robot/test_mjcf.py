@@ -14,8 +14,8 @@ from mujoco_figures import FEW, STORED, figures
 from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
-from bellcrank.robot.mjcf_placement import roll_pitch_yaw
-from bellcrank.robot.robot_file import JointCoupling, JointRelation, SphericalSpring
+from bellcrank.robot.formats.mjcf_placement import roll_pitch_yaw
+from bellcrank.robot.formats.robot_file import FileSphericalSpring, JointCoupling, JointRelation
 
 FILES = Path(__file__).parent / "mjcf"
 NAMES = ("biped", "shapes", "couplings")
@@ -82,7 +82,7 @@ def test_accelerations_without_constraints(pair):
         tau = np.zeros(robot.nv)
         for name, spring in springs.items():
             joint = robot.joint(name)
-            if isinstance(spring, SphericalSpring):
+            if isinstance(spring, FileSphericalSpring):
                 stretch = Rotation.from_quat(q[joint.q : joint.q + 4]).as_rotvec()
             else:
                 stretch = q[joint.q] - spring.reference

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.file_readers import read_robot_file
-from bellcrank.robot.robot_file import JointCoupling, JointMotor, JointSpring, SphericalSpring
+from bellcrank.robot.formats.file_readers import read_robot_file
+from bellcrank.robot.formats.robot_file import FileJointSpring, FileSphericalSpring, JointCoupling, JointMotor
 
 BALL = '<geom type="sphere" size="0.1"/>'
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n" + "".join(
@@ -139,7 +139,7 @@ def test_springs_dampers_friction_and_armature(read):
         joint('stiffness="3" springref="90" damping="0.2" frictionloss="0.4" armature="0.05"'),
         '<actuator><motor name="m" joint="j" gear="-10" armature="0.001" damping="0.002" ctrlrange="-2 3"/></actuator>',
     )
-    assert file.springs == (JointSpring(joint="j", stiffness=3.0, reference=math.pi / 2),)
+    assert file.springs == (FileJointSpring(joint="j", stiffness=3.0, reference=math.pi / 2),)
     assert file.rotor_inertia == {"j": pytest.approx(0.05 + 100 * 0.001)}
     assert file.motors == (JointMotor(name="m", joint="j", gear=-10.0, effort=30.0),)
     found = loaded(file).urdf.joints["j"]
@@ -228,7 +228,7 @@ def test_a_springdamper_needs_inertia(read):
 
 def test_a_ball_joint_has_a_spring(read):
     file = read(joint('type="ball" stiffness="2"'))
-    assert file.springs == (SphericalSpring(joint="j", stiffness=2.0),)
+    assert file.springs == (FileSphericalSpring(joint="j", stiffness=2.0),)
     force = bc.load_scene(file.source).forces[0]
     assert (force.kind, force.stiffness, force.joint.name) == ("spherical_spring", 2.0, "j")
 

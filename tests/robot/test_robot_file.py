@@ -3,7 +3,7 @@
 import pytest
 
 import bellcrank as bc
-from bellcrank.robot.file_readers import READERS, read_robot_file, root_tag
+from bellcrank.robot.formats.file_readers import READERS, read_robot_file, root_tag
 
 
 @pytest.mark.parametrize(

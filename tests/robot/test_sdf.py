@@ -5,8 +5,8 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.robot.file_readers import read_robot_file
-from bellcrank.robot.robot_file import FrameLoop
+from bellcrank.robot.formats.file_readers import read_robot_file
+from bellcrank.robot.formats.robot_file import FrameLoop
 
 INERTIAL = (
     "<inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass><inertia><ixx>0.01</ixx><iyy>0.02</iyy><izz>0.03</izz></inertia>"

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.robot.catalog import names
-from bellcrank.robot.check import differences_from_yourdfpy
-from bellcrank.robot.urdf_file import UNLIMITED, Urdf, read_urdf, reading_of
+from bellcrank.robot.checks.check import differences_from_yourdfpy
+from bellcrank.robot.formats.urdf_file import UNLIMITED, Urdf, read_urdf, reading_of
 
 PLANAR = (folder("urdf") / "planar_2r.urdf").read_text(encoding="utf-8")
 
@@ -384,7 +384,7 @@ def test_numbers_survive_the_way_to_pinocchio_bit_by_bit(xyz: list[float], rpy: 
 
 @given(st.text(st.characters(exclude_categories=["Cs", "Cc"], include_characters="\n\t\"'&<>"), max_size=30))
 def test_text_and_attributes_that_are_written_are_read_back(text: str) -> None:
-    from bellcrank.robot.xml_tree import escaped, quoted
+    from bellcrank.robot.formats.xml_tree import escaped, quoted
 
     element = ElementTree.fromstring(f"<a b={quoted(text)}>{escaped(text)}</a>")
     assert element.attrib["b"] == text and (element.text or "") == text

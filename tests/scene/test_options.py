@@ -16,7 +16,7 @@ from bellcrank.config.numbers import decimal_number, split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment
-from bellcrank.studies.axes import parse_axis
+from bellcrank.studies.designs.axes import parse_axis
 from bellcrank.studies.sweep import sweep
 from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
 

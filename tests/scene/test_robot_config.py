@@ -14,8 +14,8 @@ from two_link import CONTINUOUS
 
 import bellcrank as bc
 from bellcrank.errors import BellcrankError, InputError, UnreachableError
-from bellcrank.motion.csv_file import write_motion
-from bellcrank.robot.payload import Payload
+from bellcrank.motion.sampled.csv_file import write_motion
+from bellcrank.robot.model.payload import Payload
 from bellcrank.scene.robot_config import names, read_config
 from bellcrank.sizing.size import size
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.elements.controllers import PD, GravityCompensation
 from bellcrank.elements.forces import Damper, JointSpring, Spring, Torque, Wrench
 from bellcrank.errors import InputError
@@ -22,7 +22,7 @@ from bellcrank.scene.overrides import parse_assignment
 from bellcrank.scene.robot_config import names, read_config
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 # (what is broken, file, old text, new text, a piece of the sentence)
 BROKEN = [
@@ -304,7 +304,7 @@ def test_loading_a_scene_needs_neither_pinocchio_nor_casadi(crane):
     subprocess.run([sys.executable, "-c", first], check=True)  # the robot's data go to the cache, if they are not there
     script = f"""
 import sys
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.scene.scene import load_scene
 scene = load_scene({str(crane / "scene.yaml")!r}, {{"load": 0.7}})
 consistent_start(scene), scene.signals, scene.physics_key(), scene.parameter_values

@@ -6,10 +6,10 @@ import pytest
 import bellcrank as bc
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.actuators.mount import Mount
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 ACTUATOR = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1.0e-5}"
 CONFIG = f"""urdf: planar_2r

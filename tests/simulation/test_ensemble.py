@@ -11,7 +11,7 @@ from scene_ensemble import SceneEnsemble, assert_equal_rows
 from bellcrank import _step
 from bellcrank.codegen import llvm as machine
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.status import Status
+from bellcrank.simulation.integration.status import Status
 
 STATUSES = tuple(Status)
 PICK = {"control.motors": {"kind": "pd", "motion": "pick", "kp": 8, "kd": 0.3}}
@@ -118,9 +118,9 @@ def test_ctrl_c_keeps_the_runs_that_are_done():
         import os, signal, threading
         import numpy as np
         import bellcrank as bc
-        from bellcrank.dynamics.consistent_start import consistent_start
-        from bellcrank.dynamics.system import system_of, system_parameters
-        from bellcrank.simulation.ensemble import EnsembleStarts, integrate_ensemble
+        from bellcrank.dynamics.postures.consistent_start import consistent_start
+        from bellcrank.dynamics.equations.system import system_of, system_parameters
+        from bellcrank.simulation.integration.ensemble import EnsembleStarts, integrate_ensemble
 
         scene = bc.load_scene("planar_2r_swing")
         rows = 200_000

@@ -124,7 +124,7 @@ def test_rows_do_not_depend_on_neighbours_order_or_threads(four_bars, several):
 
 
 def test_the_integrator_of_single_runs_fills_the_same_columns(several, monkeypatch):
-    from bellcrank.simulation import ensemble
+    from bellcrank.simulation.integration import ensemble
 
     lanes = several.run()
     monkeypatch.setattr(ensemble, "_lane_kernels", lambda *_: None)

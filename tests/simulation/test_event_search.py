@@ -10,7 +10,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 SPIN, START = 2.0, 0.01  # rad/s and rad of a body that turns freely: q = START + SPIN t to rounding, in few long steps
 URDF = """<robot name="spin"><link name="base"/><link name="wheel"><inertial><mass value="1"/>

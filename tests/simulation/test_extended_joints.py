@@ -9,7 +9,7 @@ from extended_robots import BOLT, MIXED, TOP, diagonal, joint, link, three_revol
 from scipy.integrate import solve_ivp
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
 
 GRAVITY = 9.81

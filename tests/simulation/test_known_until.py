@@ -81,7 +81,7 @@ def test_the_bound_is_a_setting_of_the_scene(chain):
 
 def test_a_run_whose_error_takes_long_to_estimate_is_not_called_known(run, monkeypatch, tmp_path):
     slow = bc.simulate(run.scene, duration=2.0)
-    monkeypatch.setattr("bellcrank.simulation.error_estimate.UNASKED", 0.0)
+    monkeypatch.setattr("bellcrank.simulation.trajectory.error_estimate.UNASKED", 0.0)
     assert slow.known_until is None and slow.warnings == ()
     text = bc.report(slow, tmp_path / "report.html").read_text()
     assert "Self-checks passed" not in text and "the error of the positions is not estimated" in text

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.constraint_rows import characteristic_length
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.constraints.constraint_rows import characteristic_length
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
 

@@ -12,9 +12,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.commands import simulate as command
 from bellcrank.files.csv_files import ROWS
-from bellcrank.simulation import plot_panels, state_history
-from bellcrank.simulation.run_csv import columns
-from bellcrank.simulation.run_warnings import run_warnings
+from bellcrank.simulation.files.run_csv import columns
+from bellcrank.simulation.trajectory import plot_panels, state_history
+from bellcrank.simulation.trajectory.run_warnings import run_warnings
 
 MEGABYTE = 2**20
 CLOSED = {"duration": 1.0, "samples": 2500}

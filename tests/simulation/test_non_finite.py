@@ -13,11 +13,11 @@ from bellcrank.cli import main
 from bellcrank.commands.result_argument import verdict_of
 from bellcrank.elements.expression import parse_expression
 from bellcrank.elements.rolling_constraint import RollingDisk
-from bellcrank.simulation.constraint_rank import rank_of
-from bellcrank.simulation.non_finite import EACH
-from bellcrank.simulation.scene_notes import scene_notes
-from bellcrank.simulation.status import Status
-from bellcrank.sizing.finite_checks import refuse_non_finite_joint, root_mean_square
+from bellcrank.simulation.integration.constraint_rank import rank_of
+from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.trajectory.non_finite import EACH
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
+from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint, root_mean_square
 from bellcrank.studies.sweep import sweep
 
 ARM = "name: Arm\nurdf: planar_2r\ngravity: [0, -9.81, 0]\ninitial: {shoulder: 0.3, elbow: 0.4}\n"

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation import ensemble
+from bellcrank.simulation.integration import ensemble
 from tests.support.scene_ensemble import SceneEnsemble, assert_equal_rows
 
 SCENES = {

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import bellcrank as bc
 from bellcrank.replays.replay import film_of
-from bellcrank.robot.robot_file import ContactShape
-from bellcrank.simulation.reached import support
+from bellcrank.robot.formats.robot_file import ContactShape
+from bellcrank.simulation.trajectory.reached import support
 
 G = 9.81
 BALL = (

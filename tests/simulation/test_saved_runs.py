@@ -11,7 +11,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank import InputError
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.saved_state import saved_state
 from bellcrank.scene.scene import scene_of_run
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.special import ellipe, ellipk
 
 import bellcrank as bc
-from bellcrank.dynamics.directional_equations import DirectionalEquations
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.directional_equations import DirectionalEquations
+from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.errors import InputError
 from tests.support.extrapolated import slope
 

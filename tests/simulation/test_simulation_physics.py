@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from scipy.integrate import cumulative_simpson, simpson
 from scipy.special import ellipk
 
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.problems.problem import scene_of

@@ -9,10 +9,10 @@ from scene_ensemble import SceneEnsemble, assert_equal_rows
 from stepper_problem import Problem
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of, system_parameters
-from bellcrank.simulation import integration
-from bellcrank.simulation.integration_problem import DerivativeKernels
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import consistent_start
+from bellcrank.simulation.integration import integration
+from bellcrank.simulation.integration.integration_problem import DerivativeKernels
 from bellcrank_bench.problems.spring_pendulum import STIFF_SETTINGS, stiff_scene
 
 STIFF = {key: value for key, value in STIFF_SETTINGS.items() if key != "solver"}

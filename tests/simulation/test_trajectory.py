@@ -16,9 +16,9 @@ from scipy.integrate import simpson
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.simulation.run_csv import columns
-from bellcrank.simulation.run_plot import plot_run
-from bellcrank.simulation.run_warnings import run_warnings
+from bellcrank.simulation.files.run_csv import columns
+from bellcrank.simulation.trajectory.run_plot import plot_run
+from bellcrank.simulation.trajectory.run_warnings import run_warnings
 from bellcrank_bench.textbook.planar_2r import PlanarTwoLink
 
 ARM = """

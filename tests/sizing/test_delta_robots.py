@@ -10,7 +10,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
 pytestmark = pytest.mark.tier2
 

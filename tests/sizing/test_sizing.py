@@ -15,10 +15,10 @@ from two_link import CONTINUOUS, TwoLink, circle_states
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.errors import InputError
+from bellcrank.motion.generators.waypoints import dwell, waypoints
 from bellcrank.motion.motion import Motion, join
-from bellcrank.motion.waypoints import dwell, waypoints
 from bellcrank.robot.load import load_robot
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.size import size
 from bellcrank.sizing.sizing_files import json_text
 from bellcrank.sizing.tables import table, verdict

@@ -12,10 +12,10 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.dynamics.mechanism import mechanism_of
-from bellcrank.dynamics.system import system_of
-from bellcrank.motion.csv_file import write_motion
-from bellcrank.simulation.scene_notes import scene_notes
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
+from bellcrank.motion.sampled.csv_file import write_motion
+from bellcrank.simulation.trajectory.scene_notes import scene_notes
 from bellcrank.sizing.tables import table
 
 LINK = (

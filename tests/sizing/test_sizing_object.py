@@ -14,7 +14,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.replays.replay import film_of
-from bellcrank.sizing.joint_histories import MotionHistory
+from bellcrank.sizing.loads.joint_histories import MotionHistory
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import table, verdict

@@ -16,7 +16,7 @@ from bellcrank.replays.replay import film_of
 from bellcrank.reports.run_report import run_document
 from bellcrank.reports.sizing_report import sizing_document
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.check import check_urdf
+from bellcrank.robot.checks.check import check_urdf
 from bellcrank.sizing.tables import verdict
 
 LIMIT = '<limit lower="-3" upper="3" effort="100" velocity="5"/>'

@@ -20,15 +20,15 @@ from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
 import bellcrank as bc
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies import dask_execution, local_cluster
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.dask_execution import DaskExecutor
-from bellcrank.studies.dask_worker import RangeTask, run_range
-from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.environment import environment
-from bellcrank.studies.simulation_runner import SimulationRunner
-from bellcrank.studies.study import run_study
-from bellcrank.studies.study_folder import StudyFolder
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.designs.design_space import DesignSpace
+from bellcrank.studies.execution import dask_execution, local_cluster
+from bellcrank.studies.execution.dask_execution import DaskExecutor
+from bellcrank.studies.execution.dask_worker import RangeTask, run_range
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
+from bellcrank.studies.execution.software_and_processor import environment
+from bellcrank.studies.execution.study import run_study
+from bellcrank.studies.execution.study_folder import StudyFolder
 
 pytestmark = pytest.mark.tier2
 COUNT = 20_000
@@ -238,9 +238,9 @@ def test_two_of_four_workers_are_killed_and_nothing_is_lost(seed):
 
 SCRIPT = """
 from small_study import SmallRunner, SmallSpace
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.dask_execution import DaskExecutor
-from bellcrank.studies.study import run_study
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.execution.dask_execution import DaskExecutor
+from bellcrank.studies.execution.study import run_study
 
 said = []
 

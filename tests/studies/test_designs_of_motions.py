@@ -8,10 +8,10 @@ from scipy.optimize import minimize_scalar
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.sizing_axes import unit_of
-from bellcrank.studies.sizing_measures import measures_of
-from bellcrank.studies.sizing_runner import SizingRunner
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.designs.sizing_changes import unit_of
+from bellcrank.studies.execution.sizing_runner import SizingRunner
+from bellcrank.studies.results.sizing_measures import measures_of
 
 MASS, FORCE = 3.0, 20.0  # kg, N
 SLIDER = f"""<robot name="slider"><link name="rail"/><link name="cart"><inertial><mass value="{MASS}"/>

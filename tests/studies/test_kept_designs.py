@@ -13,8 +13,8 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
 from bellcrank.studies.optimisation import kept_designs
-from bellcrank.studies.simulation_runner import SimulationRunner
 
 LENGTHS = {"crank_length": (1.2, 1.24), "rocker_length": (1.2, 1.24)}
 ASKED = {"minimise": "lock.crank", "limits": "lock.time <= 15 s", "samples": 32, "starts": 2, "threads": 1}

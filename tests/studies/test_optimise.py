@@ -10,9 +10,9 @@ from tutorial_designs import arm_rivals, lock_rivals
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies.exceedance import parse_limit
 from bellcrank.studies.optimisation.gradients import Gradients
 from bellcrank.studies.optimisation.request import Request, plan_search
+from bellcrank.studies.results.exceedance import parse_limit
 
 LENGTHS = {"crank_length": (1.2, 1.24), "rocker_length": (1.2, 1.24)}
 SMALL = {"samples": 32, "starts": 2, "threads": 1}

@@ -7,9 +7,9 @@ import pytest
 from lone_designs import check, check_statuses, lone, runner, statuses
 
 import bellcrank as bc
-from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.simulation import ensemble
+from bellcrank.motion.sampled.csv_file import write_motion
+from bellcrank.simulation.integration import ensemble
 
 ARM = "urdf: planar_2r\ngravity: [0, -9.81, 0]\n"
 
@@ -120,7 +120,7 @@ def test_a_design_whose_hinge_turns_over_is_its_run_until_then(monkeypatch):
 
     over = np.where(np.arange(7) < 4, 1.0, -1.0)[:, None]
     monkeypatch.setattr(ensemble, "integrate_in_lanes", turned)
-    monkeypatch.setattr("bellcrank.simulation.integration.alignment_cosines_along", lambda *_: over)
+    monkeypatch.setattr("bellcrank.simulation.integration.integration.alignment_cosines_along", lambda *_: over)
     found, values = runner(scene, simulate__rtol=[1e-8, 1e-9, 1e-10])
     columns = found.run(values)
     assert statuses(columns) == ["finished", "turned_over", "finished"]
@@ -129,7 +129,7 @@ def test_a_design_whose_hinge_turns_over_is_its_run_until_then(monkeypatch):
 
 
 def found_cosines(scene):
-    from bellcrank.dynamics.system import system_of
+    from bellcrank.dynamics.equations.system import system_of
 
     places = system_of(scene).observed_layout.cosines
     return places.start, places.stop

@@ -8,10 +8,10 @@ from scipy import stats
 from scipy.stats import qmc
 
 from bellcrank.errors import InputError
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.exceedance import exceedance, parse_limit
-from bellcrank.studies.intervals import SampleLayout, clopper_pearson, proportion, quantile, ratio_interval
-from bellcrank.studies.tolerance import histogram, measure_distribution
+from bellcrank.studies.results.exceedance import exceedance, parse_limit
+from bellcrank.studies.results.intervals import SampleLayout, clopper_pearson, proportion, quantile, ratio_interval
+from bellcrank.studies.results.study_columns import StudyColumns
+from bellcrank.studies.results.tolerance import histogram, measure_distribution
 
 SIZE, REPLICATES, DIMENSIONS, SEEDS = 64, 16, 3, 200
 ROWS = SIZE * REPLICATES
@@ -42,7 +42,7 @@ def normal_sums(method):
 def columns(values, status=None, statuses=("finished", "infeasible")):
     values = np.asarray(values, dtype=float)
     status = np.zeros(len(values), dtype=np.int8) if status is None else np.asarray(status, dtype=np.int8)
-    return Columns(statuses=statuses, status=status, measures={"lock.time": values})
+    return StudyColumns(statuses=statuses, status=status, measures={"lock.time": values})
 
 
 @pytest.mark.tier2

@@ -8,10 +8,10 @@ import pytest
 from scipy import stats
 
 import bellcrank as bc
-from bellcrank.studies.axes import parse_axis, read_axis
-from bellcrank.studies.design_space import MOST_DESIGNS, DesignSpace
-from bellcrank.studies.distributions import FAMILIES, Distribution, read_distribution
-from bellcrank.studies.samples import METHODS, Sample
+from bellcrank.studies.designs.axes import parse_axis, read_axis
+from bellcrank.studies.designs.design_space import MOST_DESIGNS, DesignSpace
+from bellcrank.studies.designs.distributions import FAMILIES, Distribution, read_distribution
+from bellcrank.studies.designs.samples import METHODS, Sample
 
 PROBABILITIES = np.concatenate([[1e-9, 1e-6], np.linspace(1e-3, 1.0 - 1e-3, 999), [1.0 - 1e-6, 1.0 - 1e-9]])
 KNOWN = [

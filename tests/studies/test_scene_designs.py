@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics import design_parameters as by_parameters
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations import design_parameters as by_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import BellcrankError
-from bellcrank.studies.infeasible_reasons import infeasible_reason
-from bellcrank.studies.plain_axes import Kind, plain_axes
-from bellcrank.studies.scene_designs import SceneDesigns
+from bellcrank.studies.designs.plain_axes import ValueKind, plain_axes
+from bellcrank.studies.designs.scene_designs import SceneDesigns
+from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def test_designs_with_other_equations_are_made_alone(monkeypatch):
         found = whole(scene, own, threads)
         return found._replace(alike=np.arange(len(own)) % 3 == 0)
 
-    monkeypatch.setattr("bellcrank.studies.variant_designs.design_parameters", doubtful)
+    monkeypatch.setattr("bellcrank.studies.designs.variant_designs.design_parameters", doubtful)
     found = SceneDesigns(scene, axes).block(values)
     (group,), (other,) = expected.groups, found.groups
     np.testing.assert_array_equal(other.rows, group.rows)
@@ -298,7 +298,7 @@ def test_paths_of_one_number_that_are_given_twice_are_left_to_the_scene():
         Sampled("parameters.crank_length.value", 1.2, 1.24),
         Sampled("initial.crank"),
     ]
-    assert [(axis.column, axis.kind) for axis in plain_axes(scene, axes)] == [(2, Kind.POSITION)]
+    assert [(axis.column, axis.kind) for axis in plain_axes(scene, axes)] == [(2, ValueKind.POSITION)]
 
 
 def test_the_designs_of_a_scene_can_be_pickled():

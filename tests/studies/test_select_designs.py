@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
 from bellcrank.cli import main
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
@@ -17,8 +17,8 @@ from bellcrank.sizing.selection.axis_pairs import axis_pairs
 from bellcrank.sizing.selection.joint_problem import judge_choice
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.ranking import total
-from bellcrank.sizing.subject import changed_scene, sizing_subject
-from bellcrank.studies.designs_with_motors import rank_of
+from bellcrank.sizing.sizing_subject import changed_scene, sizing_subject
+from bellcrank.studies.selection.designs_with_motors import rank_of
 
 CONDITIONS = bc.Conditions(voltage=48.0, assume={"gear.efficiency": 0.7})
 MOTORS = ("maxon_353297", "maxon_397172", "maxon_ec90flat_90w_48v", "maxon_ec90flat_48v_500267")

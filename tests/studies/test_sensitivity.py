@@ -9,13 +9,13 @@ from scipy import stats
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.samples import Sample
-from bellcrank.studies.sensitivity_sample import SensitivitySample
-from bellcrank.studies.study import run_study
+from bellcrank.studies.designs.design_space import DesignSpace
+from bellcrank.studies.designs.samples import Sample
+from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.execution.study import run_study
+from bellcrank.studies.results.study_columns import StudyColumns
+from bellcrank.studies.results.sweep_result import Sweep
 from bellcrank.studies.sweep_plan import SampleRequest, plan_sweep
-from bellcrank.studies.sweep_result import Sweep
 
 VARY = {"crank_length": "normal(1.24 m, 2 mm)", "rocker_length": "uniform(1.19 m, 1.21 m)"}
 STATUSES = ("event", "infeasible")
@@ -38,7 +38,7 @@ class Formula:
         crank = np.where(there, 0.5, np.nan)
         reasons = {int(k): "too long" for k in np.flatnonzero(~there)}
         status = np.where(there, 0, 1).astype(np.int8)
-        return Columns(
+        return StudyColumns(
             statuses=STATUSES, status=status, measures={"lock.time": time, "lock.crank": crank}, reasons=reasons
         )
 

@@ -8,9 +8,9 @@ from lone_designs import check, runner, statuses
 from lone_measures import run_measures, start_measures
 
 import bellcrank as bc
-from bellcrank.simulation import ensemble
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.simulation.integration import ensemble
+from bellcrank.studies.execution.design_runner import StudyInterrupted
+from bellcrank.studies.results.study_columns import StudyColumns
 
 
 def test_four_bars_that_lock_that_do_not_and_that_cannot_be_built():
@@ -40,7 +40,7 @@ def test_names_and_units_are_those_of_a_run_in_its_order():
 def test_a_row_depends_on_its_own_values_alone():
     found, values = runner("four_bar", crank_length=np.linspace(1.1, 1.3, 11))
     whole = found.run(values)
-    parts = Columns.joined([found.run(values[:1]), found.run(values[1:4]), found.run(values[4:])])
+    parts = StudyColumns.joined([found.run(values[:1]), found.run(values[1:4]), found.run(values[4:])])
     np.testing.assert_array_equal(parts.status, whole.status)
     assert parts.reasons == whole.reasons
     for name, column in whole.measures.items():

@@ -19,12 +19,12 @@ from bellcrank.errors import InputError
 from bellcrank.motion.motion_entry import stretched
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.sizing.size import size
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
-from bellcrank.studies.sizing_batch import SizingBatch
-from bellcrank.studies.sizing_measures import measures_of
-from bellcrank.studies.sizing_runner import BLOCK, SizingRunner
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.execution.design_runner import StudyInterrupted
+from bellcrank.studies.execution.many_sizings import SizingBatch
+from bellcrank.studies.execution.sizing_runner import BLOCK, SizingRunner
+from bellcrank.studies.results.sizing_measures import measures_of
+from bellcrank.studies.results.study_columns import StudyColumns
 
 pytestmark = pytest.mark.tier2
 
@@ -52,7 +52,7 @@ def drawn(ranges: Sequence[tuple[float, float]], count: int, seed: int = 0) -> A
     return np.asarray(low + (high - low) * np.random.default_rng(seed).random((count, len(ranges))))
 
 
-def compare(found: Columns, row: int, expected: Mapping[str, float]) -> None:
+def compare(found: StudyColumns, row: int, expected: Mapping[str, float]) -> None:
     """Each measure of a row against that of one sizing."""
     for name, value in expected.items():
         if name not in found.measures:
@@ -247,7 +247,7 @@ def test_the_lengths_of_a_linkage_change_how_its_joints_move() -> None:
 # ---- rows
 
 
-def columns_equal(a: Columns, b: Columns) -> bool:
+def columns_equal(a: StudyColumns, b: StudyColumns) -> bool:
     same = all(np.array_equal(a.measures[name], b.measures[name], equal_nan=True) for name in a.measures)
     return same and np.array_equal(a.status, b.status) and a.reasons == b.reasons
 

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from bellcrank.errors import InputError
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.sensitivity_sample import SensitivitySample
-from bellcrank.studies.sobol_indices import block_indices, measure_indices
+from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.results.sobol_indices import block_indices, measure_indices
+from bellcrank.studies.results.study_columns import StudyColumns
 
 A, B = 7.0, 0.1  # T. Ishigami, T. Homma, ISUMA '90 (1990) 398-403
 
@@ -60,7 +60,7 @@ def pendulum_indices():
 
 def run(function, sample):
     values = function(sample.points(0, sample.count, sample.dimensions))
-    return Columns(statuses=("finished", "infeasible"), status=np.zeros(len(values), dtype=np.int8),
+    return StudyColumns(statuses=("finished", "infeasible"), status=np.zeros(len(values), dtype=np.int8),
                    measures={"f": values})  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def test_blocks_with_a_failed_design_are_left_out_counted_and_said():
     values, status = columns.measures["f"].copy(), columns.status.copy()
     values[[0, 3, 5 * 40 + 2]] = np.nan  # two designs of the first block, one of another
     status[[0, 3]] = 1
-    given = Columns(statuses=columns.statuses, status=status, measures={"f": values})
+    given = StudyColumns(statuses=columns.statuses, status=status, measures={"f": values})
     found = measure_indices(given, "f", ["a", "b", "c"], sample)
     assert (found.blocks, found.left_out, found.missing) == (256 * 16 - 2, 2, {"finished": 1, "infeasible": 2})
     whole = measure_indices(columns, "f", ["a", "b", "c"], sample)

@@ -16,16 +16,15 @@ import small_study
 from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies import study_folder
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_ranges import LARGEST, DesignRange, RangeSize, UndoneDesigns, true_ranges
-from bellcrank.studies.environment import differences, environment
-from bellcrank.studies.execution import Part
-from bellcrank.studies.executors import choose_executor
-from bellcrank.studies.local_execution import LocalExecutor
-from bellcrank.studies.study import run_study
-from bellcrank.studies.study_folder import NAME, FolderLock, StudyFolder
-from bellcrank.studies.study_rows import StudyRows
+from bellcrank.studies.designs.design_ranges import LARGEST, DesignRange, RangeSize, UndoneDesigns, true_ranges
+from bellcrank.studies.execution.execution import Part, study_folder
+from bellcrank.studies.execution.executors import choose_executor
+from bellcrank.studies.execution.local_execution import LocalExecutor
+from bellcrank.studies.execution.software_and_processor import differences, environment
+from bellcrank.studies.execution.study import run_study
+from bellcrank.studies.execution.study_folder import NAME, FolderLock, StudyFolder
+from bellcrank.studies.execution.study_rows import StudyRows
+from bellcrank.studies.results.study_columns import StudyColumns
 from tests.campaigns.kills_of_a_study import check
 
 COUNT = 3000
@@ -120,7 +119,7 @@ def test_rows_of_another_study_are_refused():
     rows.add(DesignRange(0, 100), expected_columns(COUNT).rows(0, 100))
     other = expected_columns(COUNT).rows(100, 200)
     with pytest.raises(BellcrankError, match="statuses"):
-        rows.add(DesignRange(100, 200), Columns(statuses=("a",), status=other.status, measures=other.measures))
+        rows.add(DesignRange(100, 200), StudyColumns(statuses=("a",), status=other.status, measures=other.measures))
 
 
 def test_a_study_too_large_for_the_memory_is_refused():
@@ -214,7 +213,7 @@ def test_another_study_is_not_mixed_in(tmp_path, space, runner, said):
 
 def test_another_version_is_not_mixed_in(tmp_path, monkeypatch):
     unfinished(tmp_path)
-    monkeypatch.setattr("bellcrank.studies.environment.version", lambda: "9.0.0")
+    monkeypatch.setattr("bellcrank.studies.execution.software_and_processor.version", lambda: "9.0.0")
     with pytest.raises(InputError, match=r"differs in bellcrank \(there: 0[^;]*; now: 9.0.0"):
         resumed(tmp_path)
 
@@ -308,7 +307,10 @@ def test_a_file_whose_numbers_do_not_fit_is_computed_anew(tmp_path):
 
 def test_two_studies_cannot_write_one_folder(tmp_path):
     with StudyFolder(tmp_path):
-        script = f"from bellcrank.studies.study_folder import StudyFolder\nwith StudyFolder({str(tmp_path)!r}): pass"
+        script = (
+            "from bellcrank.studies.execution.study_folder import StudyFolder\n"
+            f"with StudyFolder({str(tmp_path)!r}): pass"
+        )
         other = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
         assert f"another study is writing there (process {os.getpid()} on " in other.stderr
         with pytest.raises(InputError, match="wait for it, or choose another folder"):
@@ -320,7 +322,7 @@ def test_two_studies_cannot_write_one_folder(tmp_path):
 
 def test_a_lock_is_released_by_the_death_of_its_process(tmp_path):
     script = (
-        f"import os\nfrom pathlib import Path\nfrom bellcrank.studies.study_folder import FolderLock\n"
+        f"import os\nfrom pathlib import Path\nfrom bellcrank.studies.execution.study_folder import FolderLock\n"
         f"FolderLock(Path({str(tmp_path)!r})).__enter__()\nos.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -9

@@ -10,9 +10,9 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.codegen import llvm as machine
-from bellcrank.dynamics.system import system_of
-from bellcrank.studies.axes import parse_axis, read_axis
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.studies.designs.axes import parse_axis, read_axis
+from bellcrank.studies.execution.design_runner import StudyInterrupted
 from bellcrank.studies.sweep import sweep
 
 GROUND, COUPLER, ROCKER = 1.241, 1.2, 1.2
@@ -207,7 +207,7 @@ def test_the_command_writes_table_and_picture(four_bar, tmp_path, monkeypatch, c
 
 def test_the_work_of_writing_tables_grows_with_the_number_of_designs_and_not_with_its_square(tmp_path, monkeypatch):
     """Whether an axis is numeric was found anew for each design: an interrupted sweep of 100,000 took hours to end."""
-    from bellcrank.studies import axes
+    from bellcrank.studies.designs import axes
 
     result = bc.sweep("pendulum", {"simulate.duration": [0.01 * k for k in range(1, 21)]})
     calls = []

@@ -9,13 +9,13 @@ import pytest
 from pyarrow import parquet
 
 import bellcrank as bc
-from bellcrank.studies import sweep_files
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.columns import Columns, varies
-from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.samples import Sample
-from bellcrank.studies.sweep_files import write_tables
-from bellcrank.studies.sweep_result import Sweep
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.designs.design_space import DesignSpace
+from bellcrank.studies.designs.samples import Sample
+from bellcrank.studies.results import sweep_files
+from bellcrank.studies.results.study_columns import StudyColumns, varies
+from bellcrank.studies.results.sweep_files import write_tables
+from bellcrank.studies.results.sweep_result import Sweep
 
 UNITS = {"lock.time": "s", "lock.crank": "rad", "end.work": "J"}
 STATUSES = ("finished", "event", "infeasible", "unknown")
@@ -45,7 +45,9 @@ def made_up(vary, sample=None, done=None, scene="four_bar"):
         scene=scene,
         space=space,
         units=UNITS,
-        columns=Columns(statuses=STATUSES, status=status, measures=measures, reasons=dict(sorted(reasons.items()))),
+        columns=StudyColumns(
+            statuses=STATUSES, status=status, measures=measures, reasons=dict(sorted(reasons.items()))
+        ),
         index=index,
         candidates=tuple(UNITS),
         noise=(1e-9, 1e-9),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen.expression_graph import graph_of
-from bellcrank.robot.joints import unit_vectors
+from bellcrank.robot.model.joints import unit_vectors
 from bellcrank.robot.robot import Robot
 
 Array = NDArray[np.float64]

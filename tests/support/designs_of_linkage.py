@@ -4,10 +4,10 @@ import numpy as np
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.sweep_result import Sweep
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.designs.design_space import DesignSpace
+from bellcrank.studies.results.study_columns import StudyColumns
+from bellcrank.studies.results.sweep_result import Sweep
 
 STATUSES = ("event", "duration", "infeasible")
 UNITS = {"lock.time": "s", "lock.crank": "rad"}
@@ -22,7 +22,7 @@ def linkage_sweep(vary, sample=None, overrides=None):
     status = np.array([STATUSES.index(status) for status, *_ in rows], dtype=np.int8)
     measures = dict(zip(UNITS, np.array([row[1:3] for row in rows]).T, strict=True))
     reasons = {k: row[3] for k, row in enumerate(rows) if row[3]}
-    columns = Columns(statuses=STATUSES, status=status, measures=measures, reasons=reasons)
+    columns = StudyColumns(statuses=STATUSES, status=status, measures=measures, reasons=reasons)
     return Sweep(scene=scene, space=space, columns=columns, index=np.arange(len(rows)), units=UNITS,
                  candidates=tuple(UNITS), noise=(1e-9, 1e-9))  # fmt: skip
 

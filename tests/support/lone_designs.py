@@ -7,9 +7,9 @@ import pytest
 from lone_measures import measure_name, reason, run_measures, start_measures, unknown_measures
 
 import bellcrank as bc
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.infeasible_reasons import infeasible_reason
-from bellcrank.studies.simulation_runner import SimulationRunner
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
 
 ROWS, WINDOW = 20_001, 1001  # in which extremes are looked for, and again around them
 EXTREMES = ("least.", "largest.", "energy_drift", "constraint_residual")  # they depend on where one looks

@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from bellcrank.dynamics.consistent_start import consistent_start
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.simulation.status import Status
-from bellcrank.studies.measures import target_events
+from bellcrank.simulation.integration.status import Status
+from bellcrank.studies.results.measures import target_events
 
 
 def start_measures(scene):

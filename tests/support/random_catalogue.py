@@ -9,7 +9,7 @@ import numpy as np
 
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 
 Row = TypeVar("Row", Motor, Gear)
 NEVER_MISSING = ("nominal_torque", "nominal_speed", "voltage_constant")
@@ -119,10 +119,10 @@ def _without(row: Row, rng: np.random.Generator, missing: float) -> Row:
 
 def random_cycles(
     axes: int, seed: int, samples: int = 200, parts: int = 2, scale: float = 60.0
-) -> tuple[tuple[Axis, ...], tuple[LoadCycle, ...]]:
+) -> tuple[tuple[DrivenAxis, ...], tuple[LoadCycle, ...]]:
     """Axes and one cycle of several parts: smooth random torques in all four quadrants, pauses, and passes."""
     rng = np.random.default_rng(seed + 2_000_003)
-    names = tuple(Axis(name=f"joint{k}", kind="rotary", joints=(f"joint{k}",), mount="base") for k in range(axes))
+    names = tuple(DrivenAxis(name=f"joint{k}", kind="rotary", joints=(f"joint{k}",), mount="base") for k in range(axes))
     return names, (random_cycle(rng, axes, samples, parts, scale),)
 
 

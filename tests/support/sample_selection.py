@@ -6,7 +6,7 @@ import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, ParetoPoint, Selection, SelectionInputs

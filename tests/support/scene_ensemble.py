@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 import bellcrank as bc
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.ensemble import EnsembleStarts, integrate_ensemble
-from bellcrank.simulation.ensemble_problem import EnsembleResult
-from bellcrank.simulation.status import Status
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.integration.ensemble import EnsembleStarts, integrate_ensemble
+from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
+from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 COLUMNS = (
     "status", "end_time", "end_state", "event_count", "event_time", "event_state", "stopped_by", "unresolved",

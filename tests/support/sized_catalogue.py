@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import StudyInterrupted
+from bellcrank.studies.execution.design_runner import StudyInterrupted
+from bellcrank.studies.results.study_columns import StudyColumns
 
 STATUSES = ("finished", "event", "infeasible")
 UNITS = {"root": "m", "sine": "1", "steps": "1"}
@@ -63,12 +63,12 @@ def small_columns(a, b):
     measures = {"root": np.sqrt(a + b), "sine": np.sin(1e3 * a) * b, "steps": np.floor(100.0 * b)}
     measures = {name: np.where(bad, np.nan, values) for name, values in measures.items()}
     reasons = {int(k): f"b is more than 0.9 in every {int(10 * b[k])}th" for k in np.flatnonzero(bad)}
-    return Columns(statuses=STATUSES, status=status, measures=measures, reasons=reasons)
+    return StudyColumns(statuses=STATUSES, status=status, measures=measures, reasons=reasons)
 
 
 def chosen_rows(columns, rows):
     place = {int(row): k for k, row in enumerate(rows)}
-    return Columns(
+    return StudyColumns(
         statuses=columns.statuses,
         status=columns.status[rows],
         measures={name: values[rows] for name, values in columns.measures.items()},
@@ -98,9 +98,9 @@ def digest(columns):
 
 
 def main(folder, count, seconds, keep_every):
-    from bellcrank.studies.local_execution import LocalExecutor
-    from bellcrank.studies.study import run_study
-    from bellcrank.studies.study_folder import StudyFolder
+    from bellcrank.studies.execution.local_execution import LocalExecutor
+    from bellcrank.studies.execution.study import run_study
+    from bellcrank.studies.execution.study_folder import StudyFolder
 
     class Spoken(StudyFolder):
         def write(self, rows, unsaved):

@@ -9,7 +9,13 @@ from scipy.integrate import solve_ivp
 from bellcrank import _step
 from bellcrank.codegen.compile import compiled
 from bellcrank.elements.signals import Signal
-from bellcrank.simulation.integration_problem import EventSearch, IntegrationProblem, Kernels, StateLayout, StepControl
+from bellcrank.simulation.integration.integration_problem import (
+    EventSearch,
+    IntegrationProblem,
+    Kernels,
+    StateLayout,
+    StepControl,
+)
 
 METHODS = ("RK4", "RK45", "DOP853", "Radau")
 NONE = np.empty(0)

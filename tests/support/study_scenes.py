@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import bellcrank as bc
-from bellcrank.studies.axes import read_axis
-from bellcrank.studies.simulation_runner import SimulationRunner
+from bellcrank.studies.designs.axes import read_axis
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
 
 
 @dataclass(frozen=True)

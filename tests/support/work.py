@@ -34,7 +34,7 @@ def watch() -> None:
     from bellcrank.codegen import compile as compiling
     from bellcrank.codegen import llvm
     from bellcrank.planning import fastest_pass
-    from bellcrank.simulation import ensemble, integration
+    from bellcrank.simulation.integration import ensemble, integration
     from bellcrank.sizing.selection import judge
 
     _count(llvm, "object_code", "kB of LLVM IR compiled", lambda made, ir, *_: len(ir) / 1000)

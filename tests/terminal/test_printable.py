@@ -10,8 +10,8 @@ import bellcrank as bc
 from bellcrank import InputError
 from bellcrank.cli import main
 from bellcrank.files.csv_files import guarded, unguarded
+from bellcrank.printable_text import printable
 from bellcrank.terminal.streams import printable_streams
-from bellcrank.text import printable
 
 ARM = """<robot name="r{evil}"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
 <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>

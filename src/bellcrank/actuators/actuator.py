@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator_checks import check_ratings
+from bellcrank.actuators.catalogue.catalogue_row_checks import Points
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.actuators.electrical import electrical_power, electrical_torque
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.actuators.row_checks import Points
 from bellcrank.actuators.short_time_region import ShortTimeRegion
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import InputError

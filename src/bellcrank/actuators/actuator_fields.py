@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from bellcrank.actuators.actuator import RATINGS, Actuator
+from bellcrank.actuators.catalogue.product_fields import gear_from_fields, motor_from_fields, product_data
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, condition_data, given_conditions
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_fields import gear_from_fields, motor_from_fields, product_data
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
     from bellcrank.config.fields import Fields
 
 DRIVE_KEYS: Final = (
@@ -51,7 +51,7 @@ def actuators_from_fields(
 
     @cache
     def catalogue() -> Catalogue:
-        from bellcrank.actuators.catalogue import load_catalogue
+        from bellcrank.actuators.catalogue.catalogue import load_catalogue
 
         return load_catalogue(*(() if folder is None else _files_in(fields, folder)))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, Final
 
+from bellcrank.actuators.catalogue.catalogue_row_checks import POSITIVE, Range
+from bellcrank.actuators.catalogue.product_fields import product_number
 from bellcrank.actuators.conditions import BY_NAME, CHOICES, RANGES, Conditions
-from bellcrank.actuators.product_fields import product_number
-from bellcrank.actuators.row_checks import POSITIVE, Range
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:

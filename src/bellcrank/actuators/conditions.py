@@ -8,9 +8,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, TypeVar, get_args
 
 from bellcrank import arguments
+from bellcrank.actuators.catalogue.catalogue_row_checks import (
+    NOT_NEGATIVE,
+    TEMPERATURE,
+    Range,
+    check_numbers,
+    check_texts,
+)
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Commutation, Motor
-from bellcrank.actuators.row_checks import NOT_NEGATIVE, TEMPERATURE, Range, check_numbers, check_texts
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 

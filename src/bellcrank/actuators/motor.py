@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from bellcrank import arguments
-from bellcrank.actuators.copper import resistance_factor
-from bellcrank.actuators.row_checks import (
+from bellcrank.actuators.catalogue.catalogue_row_checks import (
     NOT_NEGATIVE,
     SHARE,
     TEMPERATURE,
@@ -17,6 +16,7 @@ from bellcrank.actuators.row_checks import (
     check_texts,
     torque_speed_curve,
 )
+from bellcrank.actuators.copper import resistance_factor
 
 MotorKind = Literal["motor", "frameless", "servo", "actuator", "ratings"]
 TorqueConstantBasis = Literal["dc", "phase_rms", "phase_peak"]

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.actuators.catalogue.catalogue_row_checks import Points
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.row_checks import Points
 from bellcrank.numerics import floats
 
 Array = NDArray[np.float64]

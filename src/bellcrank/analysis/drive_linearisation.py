@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bellcrank.analysis.independent_states import coordinate_names
 from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, Linearisation
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
-from bellcrank.dynamics.drive_loops import (
+from bellcrank.dynamics.inverse.drive_loops import (
     DriveEquations,
     drive_dynamics,
     refuse_nonlinear,
@@ -21,8 +21,8 @@ from bellcrank.dynamics.drive_loops import (
     with_continuous_loops,
 )
 from bellcrank.notes import Note, ranked
-from bellcrank.simulation.drive_gains import tuned
-from bellcrank.simulation.scene_notes import file_notes
+from bellcrank.simulation.integration.drive_gains import tuned
+from bellcrank.simulation.trajectory.scene_notes import file_notes
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

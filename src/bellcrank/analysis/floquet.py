@@ -22,15 +22,15 @@ from bellcrank.analysis.modal_analysis import Quotient, eigen
 from bellcrank.analysis.mode import pair
 from bellcrank.analysis.operating_point import operating_point, state_units
 from bellcrank.analysis.symmetries import symmetries_of
-from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
-from bellcrank.dynamics.tangent_space import adjoint
+from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
+from bellcrank.dynamics.equations.tangent_space import adjoint
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.trajectory.scene_notes import file_notes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

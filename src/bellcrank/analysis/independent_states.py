@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from bellcrank.analysis.operating_point import OperatingPoint, state_units
-from bellcrank.dynamics.kkt_solver import SINGULAR
-from bellcrank.robot.joints import lengths_in_velocity
+from bellcrank.dynamics.equations.kkt_solver import SINGULAR
+from bellcrank.robot.model.joints import lengths_in_velocity
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

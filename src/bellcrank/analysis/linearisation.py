@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.analysis.mode import Mode, pair
-from bellcrank.dynamics.drive_loops import DriveDynamics
+from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.files.json_files import write_json

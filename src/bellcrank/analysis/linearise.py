@@ -17,18 +17,18 @@ from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION,
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
 from bellcrank.analysis.operating_point import OperatingPoint, operating_point, relaxed_point, state_units, steady_point
 from bellcrank.analysis.symmetries import states_nearby, symmetries_of
-from bellcrank.dynamics.consistent_start import consistent_start
-from bellcrank.dynamics.linear_equations import equation_code
-from bellcrank.dynamics.start_stages import motors_of
+from bellcrank.dynamics.equations.linear_equations import equation_code
+from bellcrank.dynamics.postures.consistent_start import consistent_start
+from bellcrank.dynamics.postures.start_stages import motors_of
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.scene_notes import file_notes
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.scene_notes import file_notes
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint

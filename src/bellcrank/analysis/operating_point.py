@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.analysis.symmetries import Fields, Symmetries, project
-from bellcrank.dynamics.consistent_start import displaced
-from bellcrank.dynamics.constraint_rows import velocity_units
-from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
-from bellcrank.dynamics.tangent_space import adjoint
+from bellcrank.analysis.symmetries import Symmetries, SymmetryFields, project
+from bellcrank.dynamics.constraints.constraint_rows import velocity_units
+from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
+from bellcrank.dynamics.equations.tangent_space import adjoint
+from bellcrank.dynamics.postures.consistent_start import displaced
 from bellcrank.numerics import least_squares
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class OperatingPoint:
         return not self.velocity.any()
 
     @property
-    def fields(self) -> Fields:
+    def fields(self) -> SymmetryFields:
         """The fields of the symmetries at this state."""
         return self.symmetries.fields(self.position, self.velocity)
 

@@ -27,14 +27,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_start import displaced
-from bellcrank.dynamics.constraint_rows import velocity_units
-from bellcrank.dynamics.linear_equations import LinearEquations, equation_code
-from bellcrank.dynamics.tangent_space import adjoint, cross
+from bellcrank.dynamics.constraints.constraint_rows import velocity_units
+from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
+from bellcrank.dynamics.equations.tangent_space import adjoint, cross
+from bellcrank.dynamics.postures.consistent_start import displaced
 from bellcrank.errors import InputError
-from bellcrank.motion.quaternions import rotate
+from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.numerics import svd
-from bellcrank.robot.joints import RobotJoint
+from bellcrank.robot.model.joints import RobotJoint
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -49,16 +49,16 @@ CLOSED = 1e-10  # characteristic lengths or rad: the residual of a projected sta
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
+class SymmetryFields:
     """Fields on the state: displacements (nv, k), changes of v (nv, k), and the η (nv, k) of those on the right."""
 
     displacement: Array
     change: Array
     right: Array
 
-    def combined(self, coefficients: Array) -> Fields:
+    def combined(self, coefficients: Array) -> SymmetryFields:
         """Linear combinations of the fields; `coefficients` (k, n)."""
-        return Fields(self.displacement @ coefficients, self.change @ coefficients, self.right @ coefficients)
+        return SymmetryFields(self.displacement @ coefficients, self.change @ coefficients, self.right @ coefficients)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Symmetries:
         """The dimension of the symmetry group."""
         return int(self.basis.shape[1])
 
-    def fields(self, q: Array, v: Array) -> Fields:
+    def fields(self, q: Array, v: Array) -> SymmetryFields:
         """The fields of the basis at a state."""
         return candidate_fields(self.scene, q, v).combined(self.basis)
 
@@ -98,7 +98,7 @@ def candidate_names(robot: Robot) -> tuple[str, ...]:
     return tuple(names)
 
 
-def candidate_fields(scene: Scene, q: Array, v: Array) -> Fields:
+def candidate_fields(scene: Scene, q: Array, v: Array) -> SymmetryFields:
     """The fields of all candidates at a state; translations by one characteristic length."""
     robot, unit = scene.robot, velocity_units(scene) if scene.constraints else np.ones(scene.robot.nv)
     displacement: list[Array] = []
@@ -115,7 +115,7 @@ def candidate_fields(scene: Scene, q: Array, v: Array) -> Fields:
         displacement += [*moved, *own]
         right += [none] * joint.nv + [*own]
     a, eta = np.array(displacement).T, np.array(right).T
-    return Fields(a, adjoint(robot, v) @ eta, eta)
+    return SymmetryFields(a, adjoint(robot, v) @ eta, eta)
 
 
 def symmetries_of(scene: Scene, time: float, q: Array, v: Array) -> Symmetries:

@@ -15,7 +15,7 @@ from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
 
 ACTIONS = {  # action -> options that it takes
     "list": ("catalogue", "own", "maker", "kind", "voltage", "torque", "speed", "mass", "ratio", "out"),
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     _refuse_unused(arguments)
     if arguments.action == "check":
         return _check(arguments)
-    from bellcrank.actuators.catalogue import load_catalogue
+    from bellcrank.actuators.catalogue.catalogue import load_catalogue
 
     if arguments.action == "list" and arguments.names:
         raise InputError(
@@ -103,9 +103,9 @@ def _refuse_unused(arguments: argparse.Namespace) -> None:
 
 
 def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    from bellcrank.actuators.catalogue import Catalogue
-    from bellcrank.actuators.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
-    from bellcrank.actuators.catalogue_writer import write_catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
+    from bellcrank.actuators.catalogue.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
+    from bellcrank.actuators.catalogue.catalogue_writer import write_catalogue
     from bellcrank.commands.catalogue_tables import overview, write_json
 
     voltage = number_option("--voltage", arguments.voltage, "V", above=0.0)
@@ -185,9 +185,9 @@ def _show(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from bellcrank.actuators.catalogue import SHIPPED
-    from bellcrank.actuators.catalogue_checks import contradictions
-    from bellcrank.actuators.catalogue_files import read_products
+    from bellcrank.actuators.catalogue.catalogue import SHIPPED
+    from bellcrank.actuators.catalogue.catalogue_checks import contradictions
+    from bellcrank.actuators.catalogue.catalogue_files import read_products
     from bellcrank.commands.catalogue_tables import check_text
 
     paths = [Path(name) for name in (*arguments.names, *arguments.catalogue)]

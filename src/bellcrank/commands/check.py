@@ -10,9 +10,9 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.files.atomic_write import default_place
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.check import check_urdf, format_findings
-from bellcrank.robot.file_readers import read_robot_file
-from bellcrank.robot.xml_tree import parse_xml, read_text
+from bellcrank.robot.checks.check import check_urdf, format_findings
+from bellcrank.robot.formats.file_readers import read_robot_file
+from bellcrank.robot.formats.xml_tree import parse_xml, read_text
 
 CONFIGURATIONS = (".yaml", ".yml")
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bellcrank.commands.installation import Finding
+    from bellcrank.commands.installation import InstallationFinding
 
 _MARKS = {"ok": " ", "missing": "-", "fault": "!"}
 _SUBJECT = 12
@@ -25,8 +25,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.commands.installation import findings
 
     width = max(60, min(shutil.get_terminal_size().columns, 120))
-    faults: list[Finding] = []
-    missing: list[Finding] = []
+    faults: list[InstallationFinding] = []
+    missing: list[InstallationFinding] = []
     for finding in _without_warnings(findings()):
         start = f"{_MARKS[finding.state]} {finding.subject:{_SUBJECT}} "
         indent = " " * len(start) if len(start) <= _SUBJECT + 3 else " " * (_SUBJECT + 3)
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-def _without_warnings(found: Iterator[Finding]) -> Iterator[Finding]:
+def _without_warnings(found: Iterator[InstallationFinding]) -> Iterator[InstallationFinding]:
     """The findings; what libraries warn of while they are looked for is among them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

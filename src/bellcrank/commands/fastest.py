@@ -24,10 +24,10 @@ from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value
 from bellcrank.notes import reached
-from bellcrank.text import file_name
+from bellcrank.printable_text import file_name
 
 if TYPE_CHECKING:
-    from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.limits.motion_limits import MotionLimits
     from bellcrank.planning.speed_scaling import SpeedFactor
 
 UNITS = {
@@ -138,7 +138,7 @@ def _refuse_unused(arguments: argparse.Namespace) -> None:
 
 
 def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> int:
-    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.motion.sampled.csv_file import write_motion
     from bellcrank.planning.time_optimal import time_optimal
     from bellcrank.terminal.progress import counting
 
@@ -171,7 +171,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
 
 
 def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path, files: list[Path]) -> None:
-    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.motion.sampled.csv_file import write_motion
     from bellcrank.planning.repeated_cycle import repeated_cycle
 
     scene, motion, payloads, stem = given
@@ -192,7 +192,7 @@ def _repeated(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Pat
 def _scaled(
     arguments: argparse.Namespace, given: tuple[Any, ...], factor: float | None, place: tuple[Path, list[Path]]
 ) -> int:
-    from bellcrank.motion.csv_file import write_motion
+    from bellcrank.motion.sampled.csv_file import write_motion
     from bellcrank.planning.factor_peaks import MOST
     from bellcrank.planning.speed_scaling import speed_factor
 
@@ -238,7 +238,7 @@ def _factor(text: str | None) -> float | None:
 
 
 def _limits(arguments: argparse.Namespace) -> MotionLimits:
-    from bellcrank.planning.motion_limits import MotionLimits
+    from bellcrank.planning.limits.motion_limits import MotionLimits
 
     chosen: dict[str, Any] = {}
     for key, unit in UNITS.items():

@@ -33,7 +33,7 @@ State = Literal["ok", "missing", "fault"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class InstallationFinding:
     """One fact about the installation.
 
     Attributes:
@@ -49,17 +49,17 @@ class Finding:
     remedy: str = ""
 
 
-def findings() -> Iterator[Finding]:
+def findings() -> Iterator[InstallationFinding]:
     """Every fact, in the order in which one thing needs the other."""
     yield _guarded("bellcrank", _bellcrank)
-    yield Finding("Python", f"{platform.python_version()}, {sys.executable}")
+    yield InstallationFinding("Python", f"{platform.python_version()}, {sys.executable}")
     yield from _packages()
     casadi = _guarded("casadi", _casadi)
     yield casadi
     yield _guarded("extensions", _extensions)
     yield _guarded("processor", _processor)
     if casadi.state == "fault":
-        yield Finding("compiling", "is not tried, since it needs casadi", "fault", "mend casadi first")
+        yield InstallationFinding("compiling", "is not tried, since it needs casadi", "fault", "mend casadi first")
     else:
         yield _guarded("compiling", _compiling)
     yield _guarded("cache", _cache)
@@ -68,18 +68,18 @@ def findings() -> Iterator[Finding]:
     yield from _extras()
 
 
-def _guarded(subject: str, look: Callable[[], Finding]) -> Finding:
+def _guarded(subject: str, look: Callable[[], InstallationFinding]) -> InstallationFinding:
     """The finding, or the fault that looking for it ran into."""
     try:
         return look()
     except BellcrankError as error:
-        return Finding(subject, str(error), "fault", "see the message")
+        return InstallationFinding(subject, str(error), "fault", "see the message")
     except Exception as error:  # whatever is broken here must not hide the findings after it
-        return Finding(subject, f"{type(error).__name__}: {error}", "fault", "reinstall bellcrank")
+        return InstallationFinding(subject, f"{type(error).__name__}: {error}", "fault", "reinstall bellcrank")
 
 
-def _bellcrank() -> Finding:
-    return Finding("bellcrank", f"{version()}, {Path(__file__).parents[1]}")
+def _bellcrank() -> InstallationFinding:
+    return InstallationFinding("bellcrank", f"{version()}, {Path(__file__).parents[1]}")
 
 
 def _requirements() -> list[tuple[str, str, str]]:
@@ -109,7 +109,7 @@ def _fits(requirement: str, installed: str) -> bool:
     return Requirement(requirement).specifier.contains(installed, prereleases=True)
 
 
-def _packages() -> Iterator[Finding]:
+def _packages() -> Iterator[InstallationFinding]:
     """The packages that every installation needs."""
     fine: list[str] = []
     for name, requirement, extra in _requirements():
@@ -118,49 +118,53 @@ def _packages() -> Iterator[Finding]:
         there = _installed(name)
         if there is None:
             state: State = "missing" if name == "example-robot-data" else "fault"  # only its robots need that one
-            yield Finding(name, "is not installed", state, f"pip install '{requirement}'")
+            yield InstallationFinding(name, "is not installed", state, f"pip install '{requirement}'")
         elif not _fits(requirement, there):
-            yield Finding(name, f"{there}; expected: {requirement}", "fault", f"pip install '{requirement}'")
+            yield InstallationFinding(
+                name, f"{there}; expected: {requirement}", "fault", f"pip install '{requirement}'"
+            )
         else:
             fine.append(f"{name} {there}")
-    yield Finding("packages", ", ".join(fine))
+    yield InstallationFinding("packages", ", ".join(fine))
 
 
-def _casadi() -> Finding:
+def _casadi() -> InstallationFinding:
     from bellcrank._codegen import CASADI_VERSION
     from bellcrank.codegen.tracer import check_casadi, extension
 
     try:
         check_casadi()
     except BellcrankError as error:
-        return Finding("casadi", str(error).partition(": ")[0], "fault", f"pip install casadi=={CASADI_VERSION}")
+        return InstallationFinding(
+            "casadi", str(error).partition(": ")[0], "fault", f"pip install casadi=={CASADI_VERSION}"
+        )
     try:
         extension()
     except BellcrankError as error:
         remedy = (
             f"pip install --force-reinstall casadi=={CASADI_VERSION}, and reinstall bellcrank if that is not enough"
         )
-        return Finding("casadi", str(error).rpartition(": ")[0], "fault", remedy)
-    return Finding("casadi", f"{CASADI_VERSION}, the version that the tracer was built with")
+        return InstallationFinding("casadi", str(error).rpartition(": ")[0], "fault", remedy)
+    return InstallationFinding("casadi", f"{CASADI_VERSION}, the version that the tracer was built with")
 
 
-def _extensions() -> Finding:
+def _extensions() -> InstallationFinding:
     for name in _EXTENSIONS:
         importlib.import_module(f"bellcrank.{name}")
-    return Finding("extensions", ", ".join((*_EXTENSIONS, "_trace")) + " load")
+    return InstallationFinding("extensions", ", ".join((*_EXTENSIONS, "_trace")) + " load")
 
 
-def _processor() -> Finding:
+def _processor() -> InstallationFinding:
     from bellcrank.codegen.llvm import processor, target
 
     chosen = target()
     text = f"{processor()}; code for {chosen.cpu}, {chosen.lanes} numbers at a time; {os.cpu_count()} cores"
     if platform.machine() != "x86_64":
-        return Finding("processor", text, "missing", "only x86-64 is tested")
-    return Finding("processor", text)
+        return InstallationFinding("processor", text, "missing", "only x86-64 is tested")
+    return InstallationFinding("processor", text)
 
 
-def _compiling() -> Finding:
+def _compiling() -> InstallationFinding:
     """A small function is compiled, or taken from the cache, and called."""
     import numpy as np
 
@@ -169,48 +173,54 @@ def _compiling() -> Finding:
     robot = load_robot("planar_2r")
     torque = robot.inverse_dynamics(np.zeros(robot.nq), np.zeros(robot.nv), np.ones(robot.nv))
     if not np.isfinite(torque).all():
-        return Finding("compiling", f"torques of planar_2r: {torque}", "fault", "report this with the lines above")
-    return Finding("compiling", "the inverse dynamics of planar_2r was traced, compiled and called")
+        return InstallationFinding(
+            "compiling", f"torques of planar_2r: {torque}", "fault", "report this with the lines above"
+        )
+    return InstallationFinding("compiling", "the inverse dynamics of planar_2r was traced, compiled and called")
 
 
-def _cache() -> Finding:
+def _cache() -> InstallationFinding:
     from bellcrank.codegen.cache import secret
     from bellcrank.codegen.cache_folder import folder, limit, why_unused
 
     if os.environ.get("BELLCRANK_CACHE", "").lower() == "off":
-        return Finding("cache", "off, by BELLCRANK_CACHE: every process compiles anew")
+        return InstallationFinding("cache", "off, by BELLCRANK_CACHE: every process compiles anew")
     if why := why_unused():
         remedy = "let BELLCRANK_CACHE name a folder that you can write to"
-        return Finding("cache", f"is not used, so that every process compiles anew: {why}", "missing", remedy)
+        return InstallationFinding(
+            "cache", f"is not used, so that every process compiles anew: {why}", "missing", remedy
+        )
     place = folder()
     if place is None or secret() is None:
         remedy = "let XDG_STATE_HOME name a folder that you can write to"
-        return Finding("cache", "is not used: the secret that protects its entries cannot be kept", "missing", remedy)
+        return InstallationFinding(
+            "cache", "is not used: the secret that protects its entries cannot be kept", "missing", remedy
+        )
     used = sum(file.stat().st_blocks * 512 for file in place.iterdir() if file.is_file())
-    return Finding("cache", f"{place}, {used / 1e6:.0f} of at most {limit() / 1e6:.0f} MB")
+    return InstallationFinding("cache", f"{place}, {used / 1e6:.0f} of at most {limit() / 1e6:.0f} MB")
 
 
-def _browser() -> Finding:
+def _browser() -> InstallationFinding:
     from bellcrank.replays.page.headless_browser import BROWSERS, find_browser
 
     try:
-        return Finding("browser", find_browser())
+        return InstallationFinding("browser", find_browser())
     except BellcrankError:
         text = f"none of {', '.join(BROWSERS)} is on the PATH; pages are written, stills and films are not"
-        return Finding("browser", text, "missing", "install one (on Debian: apt-get install chromium)")
+        return InstallationFinding("browser", text, "missing", "install one (on Debian: apt-get install chromium)")
 
 
-def _ffmpeg() -> Finding:
+def _ffmpeg() -> InstallationFinding:
     from bellcrank.replays.page.rendering import find_encoder
 
     try:
-        return Finding("ffmpeg", find_encoder())
+        return InstallationFinding("ffmpeg", find_encoder())
     except BellcrankError:
         remedy = "install it (on Debian: apt-get install ffmpeg), or pip install 'bellcrank[film]'"
-        return Finding("ffmpeg", "is not on the PATH; films as MP4 need it", "missing", remedy)
+        return InstallationFinding("ffmpeg", "is not on the PATH; films as MP4 need it", "missing", remedy)
 
 
-def _extras() -> Iterator[Finding]:
+def _extras() -> Iterator[InstallationFinding]:
     """Which extras are whole. An extra that is not there is no fault: nobody asked for it."""
     missing: dict[str, list[str]] = {}
     for name, requirement, extra in _requirements():
@@ -222,4 +232,4 @@ def _extras() -> Iterator[Finding]:
     for extra, names in missing.items():
         purpose = PURPOSES.get(extra, "")
         state = "installed" if not names else f"not installed ({', '.join(names)})"
-        yield Finding(f"[{extra}]", f"{state}; for {purpose}" if purpose else state)
+        yield InstallationFinding(f"[{extra}]", f"{state}; for {purpose}" if purpose else state)

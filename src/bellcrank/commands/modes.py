@@ -112,7 +112,7 @@ def _operating_point(text: str | None) -> str | float | None:
 
 def _loci(scene: Scene, text: str, at: str | float | None) -> RootLoci:
     from bellcrank.analysis.root_loci import root_loci
-    from bellcrank.studies.axes import parse_axis, read_axis
+    from bellcrank.studies.designs.axes import parse_axis, read_axis
 
     if isinstance(at, float):
         raise InputError("--vary: root loci require a steady operating point; leave the time of --at out")

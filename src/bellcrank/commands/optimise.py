@@ -88,12 +88,12 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
-    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
+    from bellcrank.studies.designs.samples import LARGEST_SEED
+    from bellcrank.studies.execution.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.optimisation.front import run_front
     from bellcrank.studies.optimisation.kept_designs import KeptDesigns
     from bellcrank.studies.optimisation.optimise import run_search
     from bellcrank.studies.optimisation.request import Request, plan_search
-    from bellcrank.studies.samples import LARGEST_SEED
     from bellcrank.terminal import interruption
 
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_optimise")

@@ -14,7 +14,7 @@ from bellcrank.files.atomic_write import check_file
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
-    from bellcrank.robot.payload import Payload
+    from bellcrank.robot.model.payload import Payload
     from bellcrank.scene.scene import Scene
 
 
@@ -37,7 +37,7 @@ def add_robot_and_motions(parser: argparse.ArgumentParser, motion: str) -> None:
 
 def parse_payload(text: str) -> Payload:
     """A Payload from MASS@FRAME, the mass in kg unless a unit is written; InputError otherwise."""
-    from bellcrank.robot.payload import Payload
+    from bellcrank.robot.model.payload import Payload
 
     mass, at, frame = text.partition("@")
     if not at or not frame.strip():
@@ -119,7 +119,7 @@ def scene_with_changes(robot: str, changes: list[str], trust: list[str]) -> Scen
     """The scene of a path or name, with the values of --set. Raises InputError."""
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
-    from bellcrank.sizing.subject import changed_scene
+    from bellcrank.sizing.sizing_subject import changed_scene
 
     assigned = dict(parse_assignment(text) for text in changes)
     scene = load_scene(robot, trust=trust)
@@ -146,7 +146,7 @@ def add_keep_every(parser: argparse.ArgumentParser) -> None:
 
 def keep_every(arguments: argparse.Namespace) -> float:
     """The seconds of computing time between two saves. Raises InputError."""
-    from bellcrank.simulation.checkpoints import KEEP_EVERY, LONGEST_KEEP
+    from bellcrank.simulation.files.checkpoints import KEEP_EVERY, LONGEST_KEEP
 
     seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
     return KEEP_EVERY if seconds is None else seconds

@@ -12,7 +12,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.selection import Selection
 
@@ -58,8 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
     """One picture of everything over time, or one for the path of each frame."""
-    from bellcrank.simulation.run_plot import plot_run
-    from bellcrank.text import file_name
+    from bellcrank.printable_text import file_name
+    from bellcrank.simulation.trajectory.run_plot import plot_run
 
     if not frames:
         plot_run(run, out)

@@ -11,7 +11,7 @@ from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.selection import Selection
 
@@ -67,7 +67,7 @@ def compute_or_load(arguments: argparse.Namespace) -> Trajectory | Sizing | Sele
     from bellcrank.replays.replay import find_run
     from bellcrank.scene.robot_config import find_config
     from bellcrank.scene.scene import load_scene
-    from bellcrank.simulation.load_run import load_run
+    from bellcrank.simulation.files.load_run import load_run
 
     name, simulated = arguments.run, arguments.simulate
     sized = arguments.size or bool(arguments.motion and not arguments.select)
@@ -151,6 +151,6 @@ def remarks_of(result: Trajectory | Sizing | Selection) -> list[tuple[str, str]]
 
     if isinstance(result, Selection):
         return [("note", text) for text in result.warnings]
-    from bellcrank.simulation.summary import run_facts
+    from bellcrank.simulation.trajectory.summary import run_facts
 
     return [(name, text) for name, text in run_facts(result) if name in ("warning", "note", "not known")]

@@ -29,9 +29,9 @@ from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
-    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
     from bellcrank.sizing.selection.selection import Selection
-    from bellcrank.studies.design_selection import DesignSelection
+    from bellcrank.studies.selection.design_selection import DesignSelection
 
 DESIGNS = ("designs.csv", "designs.json")
 OBJECTIVES = ("mass", "cost", "loss", "margin")
@@ -266,7 +266,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def named_drives(arguments: argparse.Namespace) -> Selection:
     """The motors and gears that the configuration of --over names, as a selection. Raises InputError."""
-    from bellcrank.actuators.catalogue import Catalogue
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
     from bellcrank.actuators.gear import DIRECT
     from bellcrank.scene.scene import load_scene
     from bellcrank.sizing.selection.select import select
@@ -303,8 +303,8 @@ def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict
     """The best of the designs that --vary asks for. Raises BellcrankError as `select_designs`."""
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
-    from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.select_designs import MOST_DESIGNS, select_designs
+    from bellcrank.studies.designs.axes import parse_axis
+    from bellcrank.studies.selection.select_designs import MOST_DESIGNS, select_designs
     from bellcrank.terminal import interruption
     from bellcrank.terminal.progress import counting
 
@@ -342,9 +342,9 @@ def _range(text: str) -> tuple[str, Any] | None:
 
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
     """The conditions that the options give, by the names of the fields. Raises InputError, which names the option."""
+    from bellcrank.actuators.catalogue.catalogue_row_checks import POSITIVE
     from bellcrank.actuators.condition_fields import UNITS
     from bellcrank.actuators.conditions import CHOICES, RANGES
-    from bellcrank.actuators.row_checks import POSITIVE
 
     given: dict[str, Any] = {}
     for name, unit in UNITS.items():
@@ -391,7 +391,7 @@ def parse_kept(texts: list[str]) -> dict[str, str]:
 
 def parse_assumed(texts: list[str]) -> dict[str, float]:
     """Values by field from FIELD=VALUE, with the units of catalogues. Raises InputError."""
-    from bellcrank.actuators.product_fields import product_number
+    from bellcrank.actuators.catalogue.product_fields import product_number
 
     found: dict[str, float] = {}
     for text in texts:
@@ -406,7 +406,7 @@ def parse_assumed(texts: list[str]) -> dict[str, float]:
 
 def products(folders: list[str], excluded: list[str], makers: list[str]) -> Catalogue:
     """What to choose from: the bundled catalogue and own folders, less what is excluded. Raises InputError."""
-    from bellcrank.actuators.catalogue import load_catalogue
+    from bellcrank.actuators.catalogue.catalogue import load_catalogue
 
     catalogue = load_catalogue(*folders)
     left_out: set[str] = set()

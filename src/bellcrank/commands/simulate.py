@@ -27,7 +27,7 @@ from bellcrank.terminal.progress import bars
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 
 CSV_ROWS = 1_000_000  # with more, run.csv needs --csv: it takes about 200 bytes a row, and minutes
@@ -84,9 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
-    from bellcrank.simulation.checkpoints import checkpoint_folder, set_aside
+    from bellcrank.simulation.files.checkpoints import checkpoint_folder, set_aside
+    from bellcrank.simulation.integration.status import Status
     from bellcrank.simulation.simulate import simulate
-    from bellcrank.simulation.status import Status
     from bellcrank.terminal import interruption
 
     numbers: dict[str, Any] = {
@@ -157,7 +157,7 @@ def _others(
     result: Trajectory, folder: Path, arguments: argparse.Namespace
 ) -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """The files beside run.npz, and a function that writes each."""
-    from bellcrank.text import file_name
+    from bellcrank.printable_text import file_name
 
     def csv(path: Path) -> None:
         with _row_bar(len(result)) as progress:
@@ -166,13 +166,13 @@ def _others(
     if arguments.csv:
         yield folder / "run.csv", csv
     if result.sensitivities:
-        from bellcrank.simulation.sensitivity_files import write_csv, write_npz
+        from bellcrank.simulation.files.sensitivity_files import write_csv, write_npz
 
         found = [result.sensitivity(name) for name in result.sensitivities]
         yield folder / "sensitivities.csv", partial(write_csv, found)
         yield folder / "sensitivities.npz", partial(write_npz, found)
     if not arguments.no_plots:
-        from bellcrank.simulation.run_plot import plot_run
+        from bellcrank.simulation.trajectory.run_plot import plot_run
 
         yield folder / "run.png", partial(plot_run, result)
         for frame in arguments.frame:

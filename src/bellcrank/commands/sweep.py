@@ -16,8 +16,8 @@ from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
+    from bellcrank.studies.results.sweep_result import Sweep
     from bellcrank.studies.sweep_plan import SweepPlan
-    from bellcrank.studies.sweep_result import Sweep
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,10 +74,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the designs. Exit code 0: at least one design finished (passes, where designs are sized); 1: none did; 130:
     interrupted. What was computed is written in any case. Raises BellcrankError for invalid input.
     """
-    from bellcrank.studies.executors import MOST_THREADS, MOST_WORKERS, choose_executor
-    from bellcrank.studies.study_folder import StudyFolder
+    from bellcrank.studies.execution.executors import MOST_THREADS, MOST_WORKERS, choose_executor
+    from bellcrank.studies.execution.study_folder import StudyFolder
+    from bellcrank.studies.results.sweep_files import NAMES, PARTIAL_NAMES, write_tables
     from bellcrank.studies.sweep import run_sweep
-    from bellcrank.studies.sweep_files import NAMES, PARTIAL_NAMES, write_tables
     from bellcrank.terminal import interruption
 
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
@@ -110,8 +110,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _plan(arguments: argparse.Namespace) -> SweepPlan:
     """What the arguments ask for. Raises InputError."""
     from bellcrank.scene.study import MOST_POINTS
-    from bellcrank.studies.axes import parse_axis
-    from bellcrank.studies.samples import LARGEST_SEED
+    from bellcrank.studies.designs.axes import parse_axis
+    from bellcrank.studies.designs.samples import LARGEST_SEED
     from bellcrank.studies.sweep_plan import SampleRequest, planner
 
     vary: dict[str, Any] = {}
@@ -145,8 +145,8 @@ def _scene(arguments: argparse.Namespace) -> Scene:
 
 def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: list[Path]) -> int:
     """Print the table, write the picture; returns the exit code."""
-    from bellcrank.studies.run_outcomes import UNKNOWN
-    from bellcrank.studies.sweep_files import NAMES, file_note
+    from bellcrank.studies.execution.run_outcomes import UNKNOWN
+    from bellcrank.studies.results.sweep_files import NAMES, file_note
 
     measures = arguments.measures or None
     unknown = [name for name in arguments.measures if name not in result.units]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from bellcrank.commands.options import add_page, page_of
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.results.sweep_result import Sweep
 
 NAMES = ("indices.csv", "indices.json", "indices.png", "limits.png", "sweep.html")
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def check_limits(limits: Sequence[str], units: Mapping[str, str]) -> None:
     """Refuse a text that is not a limit of one of the measures, before anything is run (InputError)."""
-    from bellcrank.studies.exceedance import parse_limit
+    from bellcrank.studies.results.exceedance import parse_limit
 
     for limit in limits:
         parse_limit(limit, units)
@@ -49,7 +49,7 @@ def check_limits(limits: Sequence[str], units: Mapping[str, str]) -> None:
 
 def write_statistics(result: Sweep, arguments: argparse.Namespace, folder: Path, files: list[Path]) -> None:
     """Print and write what was asked for; the paths of files are added to `files`. Raises InputError."""
-    from bellcrank.studies.sensitivity_sample import SensitivitySample
+    from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
 
     measures: Sequence[str] | None = arguments.measures or None
     indices = isinstance(result.space.sample, SensitivitySample)

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Search. Exit code 0; 1 where no linkage was found, as the JSON file says too. Raises InputError."""
-    from bellcrank.studies.samples import LARGEST_SEED
+    from bellcrank.studies.designs.samples import LARGEST_SEED
     from bellcrank.studies.synthesis.synthesise import synthesise
 
     folder = arguments.out or default_place(f"{Path(arguments.points).stem}_synthesis")
@@ -129,9 +129,9 @@ def _read(file: Path) -> tuple[dict[str, Array], str | None]:
     """
     import numpy as np
 
-    from bellcrank.actuators.catalogue_columns import Column
-    from bellcrank.actuators.catalogue_tables import number, read_table
-    from bellcrank.actuators.row_checks import Range
+    from bellcrank.actuators.catalogue.catalogue_columns import Column
+    from bellcrank.actuators.catalogue.catalogue_row_checks import Range
+    from bellcrank.actuators.catalogue.catalogue_tables import number, read_table
 
     table = read_table(file, "a header 'x [m],y [m]' and rows of points")
     units = {"x": "m", "y": "m", "crank": "rad", "coupler": "rad", "rocker": "rad", "slider": "m"}

@@ -16,7 +16,7 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.text import file_name_here
+from bellcrank.printable_text import file_name_here
 
 _REQUIRED: Final = object()
 MOST_WHOLE = 10**9

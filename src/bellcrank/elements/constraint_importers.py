@@ -3,8 +3,8 @@
 gepetto: YAML files of Gepetto's parallel robots (example-parallel-robots). `closed_loop` lists pairs of frames, `type`
 is 3d (the origins coincide) or 6d (the frames coincide), and `name_mot` lists the joints with motors.
 
-mjcf, sdf: the closed loops and couplings of a robot file (robot/robot_file.py). The joints that carry their frames must
-have the same names and placements as in the URDF.
+mjcf, sdf: the closed loops and couplings of a robot file (robot/formats/robot_file.py). The joints that carry their
+frames must have the same names and placements as in the URDF.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from bellcrank.elements.loop_constraints import WORLD, Distance, Hinge, Loop, Po
 from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.file_readers import READERS, root_tag
-from bellcrank.robot.gepetto_file import read_gepetto
-from bellcrank.robot.joint_types import without_motor
+from bellcrank.robot.formats.file_readers import READERS, root_tag
+from bellcrank.robot.formats.gepetto_file import read_gepetto
+from bellcrank.robot.formats.joint_types import without_motor
+from bellcrank.robot.formats.loop_expressions import relation_text
+from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation
+from bellcrank.robot.formats.xml_tree import read_text
 from bellcrank.robot.load import default_options, robot_of
-from bellcrank.robot.loop_expressions import relation_text
 from bellcrank.robot.robot import Robot
-from bellcrank.robot.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation
-from bellcrank.robot.xml_tree import read_text
 
 Array = NDArray[np.float64]
 APART = 1e-6  # m, and for entries of rotation matrices: largest difference from the placement of a joint in the URDF
@@ -97,7 +97,7 @@ def _robot_file(path: Path, name: str, read: Fields, robot: Robot) -> list[Const
     access = read.access.by(path)
     file = READERS[ROOTS[kind]](text, path, access)
     own = robot_of(file, default_options(), access)
-    from bellcrank.robot.mjcf_equality import UNMODELLED
+    from bellcrank.robot.formats.mjcf_equality import UNMODELLED
 
     if unmodelled := [note for note in file.notes if UNMODELLED in note]:
         raise InputError(f"{path}: {unmodelled[0]}")

@@ -9,8 +9,8 @@ from bellcrank.elements.controller import Controller
 from bellcrank.elements.element import Element
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.motion.entry_kinds import JoinEntry
+from bellcrank.motion.generators.path_entries import PathEntry
 from bellcrank.motion.motion_entry import MotionEntry
-from bellcrank.motion.path_entries import PathEntry
 from bellcrank.robot.robot import Robot
 
 

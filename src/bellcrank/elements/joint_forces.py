@@ -23,7 +23,7 @@ from bellcrank.elements.expression import Expression, Term
 from bellcrank.elements.force_table import INTERPOLATIONS, read_torque_table
 from bellcrank.elements.formulas import FormulaReader, active_switches, common, on_or_off, read_active
 from bellcrank.elements.signals import SignalSource
-from bellcrank.robot.friction import FRICTION_WIDTH
+from bellcrank.robot.model.friction import FRICTION_WIDTH
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:

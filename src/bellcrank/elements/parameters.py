@@ -19,8 +19,8 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.element import ANY, NONNEGATIVE, Bound, Element, Settable
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.robot.pinocchio_model import LEAST_MASS
-from bellcrank.robot.traced_tree import INERTIA, ORIGIN, setting
+from bellcrank.robot.model.pinocchio_model import LEAST_MASS
+from bellcrank.robot.model.traced_tree import INERTIA, ORIGIN, setting
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

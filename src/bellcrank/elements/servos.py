@@ -144,7 +144,7 @@ class Cascade(Servo):
         clock: That of the start of the simulation, s.
         holds: What the sampled loops held at the end of the run that is continued.
         axes: Of the current: 2 of model dq, else 1.
-        gains: "given", "auto" where they are to be found (simulation/drive_gains.py), or "found".
+        gains: "given", "auto" where they are to be found (simulation/integration/drive_gains.py), or "found".
     """
 
     position: Mapping[str, float]

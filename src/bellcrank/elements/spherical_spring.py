@@ -11,8 +11,8 @@ from bellcrank.config.fields import Fields
 from bellcrank.elements.element import NONNEGATIVE, Force, GeneralisedForce, Settable, number
 from bellcrank.elements.formulas import FormulaReader
 from bellcrank.errors import InputError
-from bellcrank.motion.quaternions import from_matrices
-from bellcrank.motion.rotations import from_rpy
+from bellcrank.motion.kinematics.quaternions import from_matrices
+from bellcrank.motion.kinematics.rotations import from_rpy
 from bellcrank.numerics import length
 from bellcrank.robot.robot import Robot, RobotJoint
 

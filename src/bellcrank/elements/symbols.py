@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bellcrank.cached_values import cached_property
-from bellcrank.robot.traced_tree import trace_tree
+from bellcrank.robot.model.traced_tree import trace_tree
 
 if TYPE_CHECKING:
     import casadi

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank.files.atomic_write import write_text, writing
-from bellcrank.text import utf8
+from bellcrank.printable_text import utf8
 
 
 def write_json(path: Path, content: Any, *, indent: int = 1, ascii_only: bool = False) -> Path:

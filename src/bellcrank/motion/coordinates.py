@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.quaternions import conjugate, cross, multiply, rotate
-from bellcrank.robot.joints import JointLike, quaternion_part
+from bellcrank.motion.kinematics.quaternions import conjugate, cross, multiply, rotate
+from bellcrank.robot.model.joints import JointLike, quaternion_part
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

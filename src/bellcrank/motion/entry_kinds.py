@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Self
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
+from bellcrank.motion.generators.path_entries import CircleEntry, LineEntry, PointToPointEntry, ToolPathEntry
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
-from bellcrank.motion.path_entries import CircleEntry, LineEntry, PointToPointEntry, ToolPathEntry
 
 if TYPE_CHECKING:
     from bellcrank.motion.coordinates import Array
@@ -62,7 +62,7 @@ class WaypointsEntry(MotionEntry):
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
-        from bellcrank.motion.waypoints import waypoints
+        from bellcrank.motion.generators.waypoints import waypoints
 
         return waypoints(robot, self.times, self.positions, samples=self.samples, name=self.name)
 
@@ -90,7 +90,7 @@ class DwellEntry(MotionEntry):
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
-        from bellcrank.motion.waypoints import dwell
+        from bellcrank.motion.generators.waypoints import dwell
 
         position = previous if self.position is None else self.position
         if position is None:
@@ -111,7 +111,7 @@ class CsvEntry(MotionEntry):
     @classmethod
     def read(cls, name: str, fields: Fields) -> Self:
         """The entry of a mapping."""
-        from bellcrank.motion.csv_file import motion_text
+        from bellcrank.motion.sampled.csv_file import motion_text
 
         path = fields.file("file")
         try:
@@ -122,7 +122,7 @@ class CsvEntry(MotionEntry):
 
     def motion(self, robot: Robot, entries: Mapping[str, MotionEntry], previous: Array | None) -> Motion:
         """As `build`."""
-        from bellcrank.motion.csv_file import read_motion
+        from bellcrank.motion.sampled.csv_file import read_motion
 
         return read_motion(robot, self.path, name=self.name, text=self.text)
 

@@ -14,11 +14,11 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.motion.closed_form import NEXT, ClosedForm, Side, States, covering
 from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
-from bellcrank.motion.hermite import quintic
+from bellcrank.motion.generators.closed_form import NEXT, ClosedForm, Side, States, covering
 from bellcrank.motion.magnitude_limits import check_size, check_times
-from bellcrank.robot.joints import JointLike, RobotLike, unit_vector
+from bellcrank.motion.sampled.hermite import quintic
+from bellcrank.robot.model.joints import JointLike, RobotLike, unit_vector
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much
 AT_REST = 1e-6  # of the motion's largest speed: slower than this counts as rest

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bellcrank._planner import LimitArrays, excess, largest_factor
 from bellcrank.motion.motion import Motion
-from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.limits.path_limits import PathLimits
 
 Array = NDArray[np.float64]
 Part = tuple[Array, LimitArrays, list[Array]]

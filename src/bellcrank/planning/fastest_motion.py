@@ -18,7 +18,7 @@ from bellcrank.notes import WithNotes
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
 
 Array = NDArray[np.float64]

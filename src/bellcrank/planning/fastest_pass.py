@@ -14,8 +14,8 @@ from bellcrank._planner import fastest_on_grid as grid_pass
 from bellcrank._planner import fastest_refined as refined_pass
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.joint_path import JointPath
-from bellcrank.planning.path_limits import PathLimits
-from bellcrank.planning.path_torques import KnownPlaces
+from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.planning.limits.path_torques import KnownPlaces
 
 Array = NDArray[np.float64]
 FIRST_CELLS = 200

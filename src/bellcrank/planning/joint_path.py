@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.motion.blends import blended, straight
 from bellcrank.motion.coordinates import continuous, from_rates
+from bellcrank.motion.generators.blends import blended, straight
+from bellcrank.motion.generators.quintic_spline import QuinticSpline
 from bellcrank.motion.motion import AT_REST
-from bellcrank.motion.quintic_spline import QuinticSpline
-from bellcrank.robot.joints import JointLike, one_degree_columns, quaternion_part, require_one_degree
+from bellcrank.robot.model.joints import JointLike, one_degree_columns, quaternion_part, require_one_degree
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from bellcrank._planner import lower_bound
 from bellcrank.planning.fastest_pass import first_cells, share_of_path, slope_of_share
 from bellcrank.planning.joint_path import JointPath
-from bellcrank.planning.path_limits import PathLimits
-from bellcrank.planning.path_torques import KnownPlaces
+from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.planning.limits.path_torques import KnownPlaces
 
 Array = NDArray[np.float64]
 CELLS = 20_000  # at most

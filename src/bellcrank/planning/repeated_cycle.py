@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, join
 from bellcrank.planning.cycle_result import LIMITS, By, Limit, RepeatedCycle
 from bellcrank.planning.speed_scaling import scaled_motion
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.drive_verdicts import pair_of
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.thermal_criteria import WindingTemperature
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.sizing.sizing_subject import sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.actuators.coupled_transmission import CoupledTransmission

@@ -25,11 +25,11 @@ from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import WithNotes
 from bellcrank.planning.factor_peaks import MOST, FactorFound, largest_factor_of
-from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.path_limits import PathLimits
-from bellcrank.robot.payload import Payload
+from bellcrank.planning.limits.motion_limits import MotionLimits
+from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.sizing.sizing_subject import sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import LimitExcess
 from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid
-from bellcrank.planning.jerk_pass import JerkTiming, jerk_excess
+from bellcrank.planning.jerk.jerk_pass import JerkTiming, jerk_excess
 from bellcrank.planning.joint_path import JointPath
+from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.planning.motion_rows import SHORTEST, motion_rows
-from bellcrank.planning.path_limits import PathLimits
 from bellcrank.planning.speed_scaling import scaled_motion
 
 Array = NDArray[np.float64]

@@ -16,18 +16,18 @@ from bellcrank.files.access import Trust, for_files_only
 from bellcrank.files.temporaries import new_folder
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
+from bellcrank.printable_text import file_name
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page_html, write_page
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.terminal.progress import share_bar
-from bellcrank.text import file_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 NOTEBOOK_HEIGHT = 640  # px
 
@@ -261,13 +261,13 @@ def load_source(
     """
     kinds = "a run, a motion, a fastest motion, a sizing, a selection, or the path of a run"
     if isinstance(source, (str, Path)):
-        from bellcrank.simulation.load_run import load_run
+        from bellcrank.simulation.files.load_run import load_run
 
         return load_run(find_run(arguments.path(name, source, kinds)), trust=trust)
     for_files_only(trust, name, "load_run")
     if isinstance(source, (Motion, FastestMotion, Sizing, Selection)):
         return source
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
     if isinstance(source, Trajectory):
         return source

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from bellcrank.actuators.gear import DIRECT
 from bellcrank.codegen.llvm import processor
 from bellcrank.config.units import RPM
-from bellcrank.dynamics.mechanism import acts_on
+from bellcrank.dynamics.inverse.mechanism import acts_on
 from bellcrank.reports.document import Table
 from bellcrank.reports.selection_data import origin
 from bellcrank.version import version
@@ -22,10 +22,10 @@ from bellcrank.version import version
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.motion.motion import Motion
-    from bellcrank.robot.payload import Payload
+    from bellcrank.robot.model.payload import Payload
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 
 def robot_facts(robot: Robot) -> list[tuple[str, str]]:

@@ -11,15 +11,15 @@ from bellcrank.errors import InputError
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.film.run_film import film_of_run
 from bellcrank.replays.film.sizing_film import film_of_sizing
-from bellcrank.robot.traced_tree import ORIGIN
+from bellcrank.robot.model.traced_tree import ORIGIN
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.size import size
-from bellcrank.studies.sizing_axes import changes_of, present_duration
+from bellcrank.studies.designs.sizing_changes import changes_of, present_duration
 
 if TYPE_CHECKING:
     from bellcrank.reports.study_data import View
-    from bellcrank.studies.axes import Axis
-    from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.designs.axes import StudyAxis
+    from bellcrank.studies.results.sweep_result import Sweep
 
 _PARAMETER = re.compile(r"\A(?:parameters\.)?(.+?)(?:\.value)?\Z")
 _PAYLOAD = re.compile(r"\Apayloads?\.(?:(\d+)\.)?(mass|cg)(?:\.(\w+))?\Z")
@@ -62,7 +62,7 @@ def live_study(sweep: Sweep, *, title: str, view: View) -> LiveStudy:
     return LiveStudy(film=film, settings=tuple(one for one in found if one is not None))
 
 
-def _setting(sweep: Sweep, axis: Axis, settings: list[dict[str, Any]]) -> dict[str, Any] | None:
+def _setting(sweep: Sweep, axis: StudyAxis, settings: list[dict[str, Any]]) -> dict[str, Any] | None:
     """The setting of an axis; None where there is none."""
     if not axis.numeric:
         return None

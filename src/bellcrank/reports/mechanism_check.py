@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.consistent_start import consistent_start, given_posture, start_failure, starts_further_away
-from bellcrank.dynamics.mobility import mobility
-from bellcrank.dynamics.start_diagnosis import Gap
+from bellcrank.dynamics.constraints.mobility import mobility
+from bellcrank.dynamics.postures.consistent_start import (
+    consistent_start,
+    given_posture,
+    start_failure,
+    starts_further_away,
+)
+from bellcrank.dynamics.postures.start_diagnosis import Gap
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust, for_files_only
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
+from bellcrank.printable_text import file_name
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, film_over, find_run, load_source, source_name, told_apart
@@ -20,13 +21,12 @@ from bellcrank.reports.document_html import document_html
 from bellcrank.reports.study_data import View
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.selection import Selection
-from bellcrank.studies.sweep_result import Sweep
-from bellcrank.text import file_name
+from bellcrank.studies.results.sweep_result import Sweep
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.film import Film
     from bellcrank.reports.document import Document
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 
 # ---- Two reports as one: their tables row by row, and what differs is marked.
@@ -186,7 +186,7 @@ def report(
     if measures is not None or arguments.several("limits", limits, str, "limits", alone=True):
         raise InputError("arguments 'measures' and 'limits': they are for a sweep, and 'source' is none")
     if isinstance(source, (str, Path)):
-        from bellcrank.simulation.load_run import load_run
+        from bellcrank.simulation.files.load_run import load_run
 
         kinds = "a run, a sizing, a selection, or the path of a run"
         given = load_run(find_run(arguments.path("source", source, kinds)), trust=trust)

@@ -18,12 +18,12 @@ from bellcrank.reports.input_tables import (
     robot_facts,
     scene_facts,
 )
-from bellcrank.simulation.reached import left_ranges
-from bellcrank.simulation.run_plot import run_pages
-from bellcrank.simulation.summary import END_HEADER, JOINTS, end_rows, run_facts
+from bellcrank.simulation.trajectory.reached import left_ranges
+from bellcrank.simulation.trajectory.run_plot import run_pages
+from bellcrank.simulation.trajectory.summary import END_HEADER, JOINTS, end_rows, run_facts
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 EVENTS = 40  # events listed one by one
 FORCES = 24  # multipliers listed

@@ -21,6 +21,7 @@ from scipy.spatial import ConvexHull, QhullError
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.printable_text import readable
 from bellcrank.replays.page.array_encoding import deflate_base64
 from bellcrank.sizing.selection.criteria import CriterionResult, Verdict
 from bellcrank.sizing.selection.judge import TIERS
@@ -36,7 +37,6 @@ from bellcrank.sizing.selection.load_reductions import (
 from bellcrank.sizing.selection.motor_curves import motor_curves
 from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, ParetoPoint, Selection, pair_id
-from bellcrank.text import readable
 
 Array = NDArray[np.float64]
 MOST_TEMPERATURES = 80  # of a cycle

@@ -17,22 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
+from bellcrank.printable_text import readable
 from bellcrank.replays.film.design_film import DesignFilm, film_of_designs
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.array_encoding import ArrayEncoder
 from bellcrank.replays.page.film_encoding import safe_json
 from bellcrank.replays.page.motion_encoding import encode_motions
+from bellcrank.simulation.integration.status import Status
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.status import Status
-from bellcrank.studies.run_outcomes import INFEASIBLE
-from bellcrank.studies.sizing_runner import SizingRunner
-from bellcrank.text import readable
+from bellcrank.studies.execution.run_outcomes import INFEASIBLE
+from bellcrank.studies.execution.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.joint_histories import SizingInputs
-    from bellcrank.studies.exceedance import Limit
-    from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
+    from bellcrank.sizing.loads.joint_histories import SizingInputs
+    from bellcrank.studies.results.exceedance import Limit
+    from bellcrank.studies.results.sweep_result import Sweep
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -17,18 +17,18 @@ from bellcrank.reports.document_html import document_html
 from bellcrank.reports.input_tables import about, made_with
 from bellcrank.reports.live_study import live_study
 from bellcrank.reports.study_data import DEFAULT_VIEW, View, encoded_live_study, encoded_study, study_film
-from bellcrank.studies.exceedance import Exceedance, interval_text, missing_text, parse_limit
-from bellcrank.studies.sample_statistics import TABLE_LEVELS
-from bellcrank.studies.sensitivity import index_text
-from bellcrank.studies.sensitivity_sample import SensitivitySample
-from bellcrank.studies.sweep_statistics import sweep_sensitivity, sweep_statistics
-from bellcrank.studies.tolerance import Estimate, figure
+from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.results.exceedance import Exceedance, interval_text, missing_text, parse_limit
+from bellcrank.studies.results.sample_statistics import TABLE_LEVELS
+from bellcrank.studies.results.sensitivity import index_text
+from bellcrank.studies.results.sweep_statistics import sweep_sensitivity, sweep_statistics
+from bellcrank.studies.results.tolerance import Estimate, figure
 from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
-    from bellcrank.studies.sample_statistics import SampleStatistics
-    from bellcrank.studies.sensitivity import Sensitivity
-    from bellcrank.studies.sweep_result import Sweep
+    from bellcrank.studies.results.sample_statistics import SampleStatistics
+    from bellcrank.studies.results.sensitivity import Sensitivity
+    from bellcrank.studies.results.sweep_result import Sweep
 
 ASSETS = Path(__file__).with_name("assets")
 SCRIPTS = ("svg_plot.js", "design_map.js", "study.js")  # in the order in which they stand in the page

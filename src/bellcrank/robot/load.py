@@ -8,13 +8,13 @@ from pathlib import Path
 from bellcrank import arguments
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.robot.catalog import find_urdf
-from bellcrank.robot.file_readers import read_robot_file
-from bellcrank.robot.friction import FRICTION_WIDTH, Friction, checked_friction
-from bellcrank.robot.load_options import FrameTable, LoadOptions, checked_frames
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.formats.file_readers import read_robot_file
+from bellcrank.robot.formats.robot_file import RobotFile
+from bellcrank.robot.model.friction import FRICTION_WIDTH, Friction, checked_friction
+from bellcrank.robot.model.load_options import FrameTable, LoadOptions, checked_frames
+from bellcrank.robot.model.payload import Payload
+from bellcrank.robot.model.robot_cache import robot_data
 from bellcrank.robot.robot import Robot
-from bellcrank.robot.robot_cache import robot_data
-from bellcrank.robot.robot_file import RobotFile
 
 XACRO = "a mapping of arguments to values"
 ROTORS = "a mapping of joints to numbers (kg m²)"

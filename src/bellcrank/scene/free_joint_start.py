@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 from bellcrank.numerics import length as norm
-from bellcrank.robot.joints import unit_vector
+from bellcrank.robot.model.joints import unit_vector
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint

@@ -33,7 +33,7 @@ MOMENTA: Final = {
 }
 
 
-class Quantity:
+class OutputQuantity:
     """The quantity of an output: its expression, the frames that it uses, and the titles of its columns."""
 
     @property
@@ -51,7 +51,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class FrameOutput(Quantity):
+class FrameOutput(OutputQuantity):
     """A frame's position, velocity, rotation (by rows) or angular velocity, in world axes."""
 
     frame: str
@@ -78,7 +78,7 @@ class FrameOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class JointOutput(Quantity):
+class JointOutput(OutputQuantity):
     """A joint's position, velocity, acceleration, or torque (the sum of the scene's forces at it, without gravity)."""
 
     joint: RobotJoint
@@ -97,7 +97,7 @@ class JointOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class EnergyOutput(Quantity):
+class EnergyOutput(OutputQuantity):
     """Kinetic energy, potential energy of gravity and springs, or their sum, J."""
 
     energy: str
@@ -113,7 +113,7 @@ class EnergyOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class MomentumOutput(Quantity):
+class MomentumOutput(OutputQuantity):
     """The momentum of the whole robot in the world: linear, kg m/s, or angular about the world's origin, kg m²/s.
 
     ∂T/∂(base velocity) is the momentum in the base's axes about the base's origin; it is transformed to the world.
@@ -139,7 +139,7 @@ class MomentumOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class ForceOutput(Quantity):
+class ForceOutput(OutputQuantity):
     """The force of a force or controller, as its `measure` returns it."""
 
     force: Force
@@ -160,7 +160,7 @@ class ForceOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class WorkOutput(Quantity):
+class WorkOutput(OutputQuantity):
     """The work (J) that forces and controllers have done since the start, which the solver integrates.
 
     With `rest` also that of the robot's own friction, and what is left of the work of the run: that of constraints that
@@ -201,7 +201,7 @@ class WorkOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class ConstraintOutput(Quantity):
+class ConstraintOutput(OutputQuantity):
     """A constraint's multipliers in the units of its labels; 0 for rows that a planar loop does not have."""
 
     constraint: Constraint
@@ -222,7 +222,7 @@ class ConstraintOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class ContactOutput(Quantity):
+class ContactOutput(OutputQuantity):
     """The point of contact of a rolling disk with its plane (3), m, in the world."""
 
     disk: RollingDisk
@@ -242,7 +242,7 @@ class ContactOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class DemandOutput(Quantity):
+class DemandOutput(OutputQuantity):
     """The coefficient of friction required for rolling: |friction| / normal force, infinite for a normal force of 0."""
 
     disk: RollingDisk
@@ -260,7 +260,7 @@ class DemandOutput(Quantity):
 
 
 @dataclass(frozen=True)
-class ExpressionOutput(Quantity):
+class ExpressionOutput(OutputQuantity):
     """An expression with its unit."""
 
     expression: Expression

@@ -48,7 +48,7 @@ from bellcrank.scene.output_quantities import (
     FrameOutput,
     JointOutput,
     MomentumOutput,
-    Quantity,
+    OutputQuantity,
     WorkOutput,
 )
 
@@ -66,7 +66,7 @@ class Output:
     """A named quantity of a simulation, with one or several columns."""
 
     name: str
-    quantity: Quantity
+    quantity: OutputQuantity
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -88,21 +88,21 @@ def read_outputs(
 ) -> dict[str, Output]:
     """Read the mapping `outputs` of a scene with these elements. Raises InputError naming file and key."""
 
-    def frame(entry: Fields) -> Quantity:
+    def frame(entry: Fields) -> OutputQuantity:
         return FrameOutput(read_frame(entry, robot), entry.choice("what", tuple(FRAME_LABELS), "position"))
 
-    def joint(entry: Fields) -> Quantity:
+    def joint(entry: Fields) -> OutputQuantity:
         return JointOutput(read_joint(entry, robot), entry.choice("what", JOINT_WHAT, "position"))
 
-    def energy(entry: Fields) -> Quantity:
+    def energy(entry: Fields) -> OutputQuantity:
         return EnergyOutput(entry.choice("energy", ENERGIES))
 
-    def momentum(entry: Fields) -> Quantity:
+    def momentum(entry: Fields) -> OutputQuantity:
         if not robot.floating_base:
             raise entry.error("momentum", "'momentum' requires a free base; write floating_base: true")
         return MomentumOutput(entry.choice("momentum", tuple(MOMENTA)))
 
-    def force(entry: Fields) -> Quantity:
+    def force(entry: Fields) -> OutputQuantity:
         name = entry.text("force")
         forces = [part for part in parts if isinstance(part, Force)]
         found = [part for part in forces if part.name == name]
@@ -112,7 +112,7 @@ def read_outputs(
             raise entry.error("force", f"a force and a controller are both named '{name}'; rename one of them")
         return ForceOutput(found[0], found[0].labels(robot))
 
-    def work(entry: Fields) -> Quantity:
+    def work(entry: Fields) -> OutputQuantity:
         forces, name = [part for part in parts if isinstance(part, Force)], entry.text("work")
         if name == ALL:
             acting = tuple(part for part in forces if not isinstance(part, JointStop))
@@ -123,7 +123,7 @@ def read_outputs(
             raise entry.error("work", unknown_name("force or controller", name, known))
         return WorkOutput(entry.path.rpartition(".")[2], found, False)
 
-    def constraint(entry: Fields) -> Quantity:
+    def constraint(entry: Fields) -> OutputQuantity:
         constraints = {part.name: part for part in parts if isinstance(part, Constraint)}
         name, what = entry.text("constraint"), entry.choice("what", CONSTRAINT_WHAT, "multipliers")
         if name not in constraints:
@@ -137,10 +137,10 @@ def read_outputs(
             )
         return ContactOutput(chosen) if what == "contact_point" else DemandOutput(chosen)
 
-    def expression(entry: Fields) -> Quantity:
+    def expression(entry: Fields) -> OutputQuantity:
         return ExpressionOutput(read_expression(entry, robot, parameters), entry.unit())
 
-    kinds: dict[str, Callable[[Fields], Quantity]] = {
+    kinds: dict[str, Callable[[Fields], OutputQuantity]] = {
         "frame": frame, "joint": joint, "energy": energy, "momentum": momentum, "force": force, "work": work,
         "constraint": constraint, "expression": expression,
     }  # fmt: skip

@@ -40,16 +40,16 @@ from bellcrank.motion.duty_program import DutyStep, duty_from_fields
 from bellcrank.motion.entry_kinds import check_references, read_motion_entry
 from bellcrank.motion.motion_entry import MotionEntry
 from bellcrank.notes import MATTERS, OMISSIONS, Matter, Note, Omission
+from bellcrank.printable_text import readable
 from bellcrank.robot import catalog
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.scene.robot_file_entries import CHOICES, robot_access, robot_path, with_robot_file, xacro_values
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
-from bellcrank.text import readable
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
+    from bellcrank.robot.formats.robot_file import RobotFile
     from bellcrank.robot.robot import Robot
-    from bellcrank.robot.robot_file import RobotFile
 
 CONFIG_KEYS = (
     "name", "urdf", "gravity", "floating_base", "friction", "payloads", "frames", "motions", "actuators", "actuated",
@@ -157,7 +157,7 @@ class RobotConfig:
             >>> bc.load_scene("planar_2r").config.robot()
             Robot('planar_2r', 2 joints, nq=2, nv=2, planar_2r.urdf)
         """
-        from bellcrank.robot.file_readers import read_robot_file
+        from bellcrank.robot.formats.file_readers import read_robot_file
         from bellcrank.robot.load import load_options, robot_of
 
         extra = arguments.several("extra_payloads", extra_payloads, Payload, "Payloads")

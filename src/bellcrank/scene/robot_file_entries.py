@@ -17,26 +17,26 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
 from bellcrank.notes import as_note
+from bellcrank.printable_text import file_name_here
 from bellcrank.robot import catalog
-from bellcrank.robot.file_readers import read_robot_file
-from bellcrank.robot.gepetto_file import read_gepetto
-from bellcrank.robot.joint_types import motor_notes, with_joint_types, without_motor
-from bellcrank.robot.load import xacro_text
-from bellcrank.robot.loop_expressions import relation_text
-from bellcrank.robot.robot_file import (
+from bellcrank.robot.formats.file_readers import read_robot_file
+from bellcrank.robot.formats.gepetto_file import read_gepetto
+from bellcrank.robot.formats.joint_types import motor_notes, with_joint_types, without_motor
+from bellcrank.robot.formats.loop_expressions import relation_text
+from bellcrank.robot.formats.robot_file import (
     WORLD,
+    FileJointSpring,
+    FileSphericalSpring,
     FrameBushing,
     FramePlace,
     FrameSpring,
     JointCoupling,
     JointRelation,
-    JointSpring,
     Loop,
     RobotFile,
-    SphericalSpring,
 )
+from bellcrank.robot.load import xacro_text
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping
-from bellcrank.text import file_name_here
 
 SPRING: Final = ("stiffness", "damping", "free_length")  # numbers of a spring, and of a bushing
 BUSHING: Final = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")
@@ -127,7 +127,7 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
 
 
 def _spring(
-    spring: JointSpring | SphericalSpring | FrameSpring | FrameBushing, file: RobotFile, frames: dict[str, Any]
+    spring: FileJointSpring | FileSphericalSpring | FrameSpring | FrameBushing, file: RobotFile, frames: dict[str, Any]
 ) -> dict[str, Any]:
     if isinstance(spring, FrameSpring | FrameBushing):
         ends = {f"frame_{k}": _frame(f"{spring.name}_{k}", getattr(spring, k), file, frames) for k in "ab"}
@@ -135,7 +135,7 @@ def _spring(
         numbers = {key: getattr(spring, key) for key in keys}
         return {"kind": kind, "name": spring.name, **ends, **numbers}
     entry = {"name": f"spring_{spring.joint}", "joint": spring.joint, "stiffness": spring.stiffness}
-    if isinstance(spring, SphericalSpring):
+    if isinstance(spring, FileSphericalSpring):
         return {"kind": "spherical_spring", **entry}
     return {"kind": "joint_spring", **entry, "rest": spring.reference}
 

@@ -1,7 +1,7 @@
 """The contents of a saved run: the JSON text and the arrays of its .npz file, or of a folder of checkpoints.
 
 The text contains the scene, the URDF and the files that the scene names, so that a run can be loaded without the
-original files. Only sizes and names are checked here; simulation/load_run.py checks everything else.
+original files. Only sizes and names are checked here; simulation/files/load_run.py checks everything else.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import MOST_RUN, open_regular
 from bellcrank.files.npz_archive import DAMAGE, UNPACKED, NoAboutError, brief, read_archive
 from bellcrank.files.temporaries import new_folder
-from bellcrank.text import file_name_here, utf8
+from bellcrank.printable_text import file_name_here, utf8
 from bellcrank.version import version
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.npz_archive import brief
-from bellcrank.robot.joints import unit_vector
+from bellcrank.robot.model.joints import unit_vector
 from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 
 if TYPE_CHECKING:

@@ -1,9 +1,9 @@
 """A run as functions of the numbers that a page lets its reader change, compiled to WebAssembly.
 
-The functions are those that `simulate` calls (dynamics/compiled_equations.py), with Baumgarte's gains as parameters
-where there are constraints; one more gives the start and the parameters of values of the settings, and one what the
-page shows of a state. src/cpp/integrator/page_engine.cpp calls them: it finds a consistent start, steps and finds
-events by the code that `simulate` uses. Besides it needs a list of numbers, in the order in which it reads them.
+The functions are those that `simulate` calls (dynamics/equations/compiled_equations.py), with Baumgarte's gains as
+parameters where there are constraints; one more gives the start and the parameters of values of the settings, and one
+what the page shows of a state. src/cpp/integrator/page_engine.cpp calls them: it finds a consistent start, steps and
+finds events by the code that `simulate` uses. Besides it needs a list of numbers, in the order in which it reads them.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.webassembly import webassembly
-from bellcrank.dynamics.aligned_constraints import aligned_constraints
-from bellcrank.dynamics.consistent_start import starts_further_away
-from bellcrank.dynamics.constraint_rows import rows_of
-from bellcrank.dynamics.design_parameters import RowSampling, row_sampling
-from bellcrank.dynamics.kkt import REGULARISATION
-from bellcrank.dynamics.prescribed_motion_end import prescribed_motion_end
-from bellcrank.dynamics.start_equations import start_equations
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraints.constraint_rows import rows_of
+from bellcrank.dynamics.equations.design_parameters import RowSampling, row_sampling
+from bellcrank.dynamics.equations.kkt import REGULARISATION
+from bellcrank.dynamics.equations.system import system_of
+from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
+from bellcrank.dynamics.postures.consistent_start import starts_further_away
+from bellcrank.dynamics.postures.start_equations import start_equations
 from bellcrank.elements.element import joint_unit
-from bellcrank.robot.joints import lengths_in_position
+from bellcrank.robot.model.joints import lengths_in_position
 from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
 from bellcrank.scene.free_joint_start import quaternion_of
 from bellcrank.scene.settings import Stabilisation
-from bellcrank.simulation.integration import event_search, state_layout, step_control
+from bellcrank.simulation.integration.integration import event_search, state_layout, step_control
+from bellcrank.simulation.integration.status import Status
 from bellcrank.simulation.live_settings import Setting, parameter_settings, slider_end
-from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.dynamics.assembly import Assembly
-    from bellcrank.dynamics.compiled_equations import System
+    from bellcrank.dynamics.equations.assembly import Assembly
+    from bellcrank.dynamics.equations.compiled_equations import System
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.scene.events import EventRule
     from bellcrank.scene.free_joint_start import FreeJointStart
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Shown = Callable[["Assembly"], "casadi.SX"]  # begins with T, V and W, J

@@ -13,29 +13,29 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.aligned_constraints import aligned_constraints
-from bellcrank.dynamics.consistent_start import consistent_postures, consistent_velocities
-from bellcrank.dynamics.design_parameters import design_parameters
-from bellcrank.dynamics.system import start_states
+from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.equations.design_parameters import design_parameters
+from bellcrank.dynamics.equations.system import start_states
+from bellcrank.dynamics.postures.consistent_start import consistent_postures, consistent_velocities
 from bellcrank.elements.parameters import parameter_bounds
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
-from bellcrank.robot.pinocchio_model import LEAST_MASS
+from bellcrank.robot.model.pinocchio_model import LEAST_MASS
 from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.prepare_integration import prepare_integration
+from bellcrank.simulation.integration.prepare_integration import prepare_integration
+from bellcrank.simulation.integration.status import Status
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.status import Status
 
 if TYPE_CHECKING:
     from bellcrank.elements.element import Bound
     from bellcrank.elements.parameters import Parameter
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.settings import Stabilisation
-    from bellcrank.simulation.integration import Integration
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.integration.integration import Integration
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 INERTIAS = range(10, 16)  # the tracer's numbers of a link's moments of inertia, which are checked together

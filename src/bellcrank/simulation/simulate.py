@@ -15,8 +15,8 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.settings import Stabilisation
-from bellcrank.simulation.checkpoints import KEEP_EVERY, CheckpointWriter
-from bellcrank.simulation.prepare_integration import prepare_integration
+from bellcrank.simulation.files.checkpoints import KEEP_EVERY, CheckpointWriter
+from bellcrank.simulation.integration.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
     Array = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def simulate(
     names = arguments.several("sensitivities", sensitivities, str, "names of parameters", alone=True)
     integration = prepare_integration(scene, given, times)
     if names:
-        from bellcrank.simulation.propagation import propagated, variables_of
+        from bellcrank.simulation.sensitivities.sensitivity_integration import propagated, variables_of
 
         variables = variables_of(integration.scene, names)  # wrong names are refused before the run
     if keep is None:

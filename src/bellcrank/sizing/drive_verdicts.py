@@ -29,7 +29,7 @@ from bellcrank.sizing.selection.system_criteria import judge_system
 if TYPE_CHECKING:
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.actuators.mount import Mount
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.duty_program import DutyStep
     from bellcrank.motion.motion import Motion
 
@@ -221,7 +221,7 @@ def judge_drives(
     Example:
         >>> import bellcrank as bc
         >>> from bellcrank.sizing.drive_verdicts import judge_drives
-        >>> from bellcrank.sizing.subject import sizing_subject
+        >>> from bellcrank.sizing.sizing_subject import sizing_subject
         >>> subject = sizing_subject("geared_pendulum", None)
         >>> found = judge_drives(subject.mechanism, subject.motions, subject.actuators)
         >>> found.drives[0].state, found.drives[0].binding.name

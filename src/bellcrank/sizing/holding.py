@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks
-from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
+from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
@@ -17,11 +17,11 @@ from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.supply import Supply
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank.sizing.holding_search import Holding, joint_ranges
-from bellcrank.sizing.maxima import maxima
-from bellcrank.sizing.motion_grid import grid_along
+from bellcrank.sizing.loads.maxima import maxima
+from bellcrank.sizing.loads.motion_grid import grid_along
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
 

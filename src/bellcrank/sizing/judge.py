@@ -13,14 +13,14 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.notes import reached
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
-from bellcrank.sizing.massless_motors import refuse_massless
+from bellcrank.sizing.loads.massless_motors import refuse_massless
+from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.motion_peaks import undetermined_peaks
 from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance
-from bellcrank.sizing.subject import OneMotion, override_notes, sizing_subject
+from bellcrank.sizing.sizing_subject import OneMotion, override_notes, sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

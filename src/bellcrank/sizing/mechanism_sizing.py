@@ -1,9 +1,9 @@
 """Size the motors of a mechanism over one or several motions: at the joints, at the motor shafts and at the supply.
 
 The torque at a joint follows from inverse dynamics, τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + friction − the scene's forces
-(Ghosal, lecture 18; dynamics/scene_inverse_dynamics.py), that of a closed linkage from its motors' share of it
-(dynamics/closed_inverse_dynamics.py). Where a joint has an actuator, the torque is that at the gear's output, and the
-rotor's inertia counts at the shaft.
+(Ghosal, lecture 18; dynamics/inverse/scene_inverse_dynamics.py), that of a closed linkage from its motors' share of it
+(dynamics/inverse/closed_inverse_dynamics.py). Where a joint has an actuator, the torque is that at the gear's output,
+and the rotor's inertia counts at the shaft.
 
 A mass tolerance scales each massive link and payload as a whole, mass and inertia together, by one factor within
 1 ± tolerance. Torque is linear in these factors, so it changes by at most tolerance · Σ|share of each link|, and that
@@ -21,24 +21,24 @@ import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
-from bellcrank.dynamics.force_table_breakpoints import with_force_rows
-from bellcrank.dynamics.mechanism import Mechanism, applied_forces, parameter_values
-from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
+from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.mechanism import Mechanism, applied_forces, parameter_values
+from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.coupled_axes import MotorLoads, axis_coordinates
 from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts, judge_drives
-from bellcrank.sizing.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
-from bellcrank.sizing.joint_histories import SizingInputs
-from bellcrank.sizing.joint_loads import JointLoads
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing
-from bellcrank.sizing.massless_motors import massless_motors, singular_joints
-from bellcrank.sizing.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
+from bellcrank.sizing.loads.coupled_axes import MotorLoads, axis_coordinates
+from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
+from bellcrank.sizing.loads.joint_histories import SizingInputs
+from bellcrank.sizing.loads.joint_loads import JointLoads
+from bellcrank.sizing.loads.massless_motors import massless_motors, singular_joints
+from bellcrank.sizing.loads.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
+from bellcrank.sizing.loads.structure_loads import worst_loads
 from bellcrank.sizing.result import Sizing
-from bellcrank.sizing.structure_loads import worst_loads
 
 if TYPE_CHECKING:
     from bellcrank.actuators.conditions import Conditions

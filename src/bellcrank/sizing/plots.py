@@ -21,7 +21,7 @@ from bellcrank.plot_style import (
     write_figure,
     write_figures,
 )
-from bellcrank.sizing.joint_histories import sizing_inputs
+from bellcrank.sizing.loads.joint_histories import sizing_inputs
 from bellcrank.sizing.sizing_files import file_names
 from bellcrank.sizing.torque_speed_plots import DrawnMotion, drawn_motions, joint_figure, shaft_figure
 

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.dynamics.mechanism import AppliedForce
+from bellcrank.dynamics.inverse.mechanism import AppliedForce
 from bellcrank.errors import InputError
 from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
-from bellcrank.sizing.joint_histories import SizingInputs
 from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
+from bellcrank.sizing.loads.joint_histories import SizingInputs
+from bellcrank.sizing.loads.structure_loads import StructureLoad
 from bellcrank.sizing.selection.criteria import CriterionResult
-from bellcrank.sizing.structure_loads import StructureLoad
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.scene.robot_config import RobotConfig
-    from bellcrank.sizing.joint_histories import MotionHistory
+    from bellcrank.sizing.loads.joint_histories import MotionHistory
     from bellcrank.sizing.sensitivities import SizingSensitivity
 
 
@@ -198,7 +198,7 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
             >>> round(float(shoulder.torque.max()), 3)
             9.81
         """
-        from bellcrank.sizing.joint_histories import sizing_histories
+        from bellcrank.sizing.loads.joint_histories import sizing_histories
 
         return sizing_histories(self)
 

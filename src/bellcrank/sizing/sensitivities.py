@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.force_table_breakpoints import force_breaks
-from bellcrank.dynamics.mechanism import coulomb_widths
-from bellcrank.dynamics.motor_torque_derivatives import Loads, MotorTorqueDerivatives
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.mechanism import coulomb_widths
+from bellcrank.dynamics.inverse.motor_torque_derivatives import Loads, MotorTorqueDerivatives
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.sizing.joint_loads import JointLoads
-from bellcrank.sizing.motion_grid import Grid, grid_along, reversal_times
+from bellcrank.sizing.loads.joint_loads import JointLoads
+from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion

@@ -11,11 +11,11 @@ from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.files.access import Trust
 from bellcrank.notes import reached
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.mechanism_sizing import size_mechanism
 from bellcrank.sizing.result import Sizing
-from bellcrank.sizing.subject import OneMotion, sizing_subject
+from bellcrank.sizing.sizing_subject import OneMotion, sizing_subject
 
 if TYPE_CHECKING:
     from bellcrank.scene.robot_config import RobotConfig

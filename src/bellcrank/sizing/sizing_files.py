@@ -20,12 +20,12 @@ from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.access import read_text
 from bellcrank.files.csv_files import write_table
-from bellcrank.motion.csv_file import write_motion
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.joint_histories import MotionHistory, motion_history, sizing_inputs
+from bellcrank.motion.sampled.csv_file import write_motion
+from bellcrank.printable_text import file_name
 from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
-from bellcrank.sizing.structure_loads import StructureLoad
-from bellcrank.text import file_name
+from bellcrank.sizing.loads.joint_histories import MotionHistory, motion_history, sizing_inputs
+from bellcrank.sizing.loads.structure_loads import StructureLoad
 
 if TYPE_CHECKING:
     from bellcrank.sizing.result import Sizing

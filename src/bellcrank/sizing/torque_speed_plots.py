@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.config.units import RPM
-from bellcrank.dynamics.force_table_breakpoints import force_times
+from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
 from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain, title_above
-from bellcrank.sizing.joint_histories import SampledStates, joint_torques, sizing_inputs
-from bellcrank.sizing.motion_grid import motion_sides
+from bellcrank.sizing.loads.joint_histories import SampledStates, joint_torques, sizing_inputs
+from bellcrank.sizing.loads.motion_grid import motion_sides
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
-    from bellcrank.sizing.joint_histories import SizingInputs
+    from bellcrank.sizing.loads.joint_histories import SizingInputs
     from bellcrank.sizing.result import Sizing
 
 # ---- A motion as it is drawn: dense states, and the torques of all joints at them.
@@ -36,7 +36,7 @@ POINTS = 1001  # a motion with fewer rows is drawn with this many points besides
 class DrawnMotion:
     """States of a motion, and the torques (n, len(joints)), N m or N, of the joints with one degree of freedom.
 
-    `sided` are the velocities (n, nv) with the signs of their sides (sizing/one_sided.py).
+    `sided` are the velocities (n, nv) with the signs of their sides (sizing/loads/one_sided_limits.py).
     """
 
     name: str

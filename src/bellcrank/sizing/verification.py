@@ -18,24 +18,24 @@ from bellcrank.actuators.electrical import copper_loss, friction_loss
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
-from bellcrank.dynamics.drive_loops import DriveDynamics
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust
 from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
-from bellcrank.motion.csv_file import write_motion
+from bellcrank.motion.sampled.csv_file import write_motion
 from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.joint_contacts import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.trajectory.joint_contacts import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.text_tables import TableContent, text_table
 
 if TYPE_CHECKING:
     from bellcrank.elements.drives import Drive
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s

@@ -9,7 +9,7 @@ from typing import Any
 from bellcrank import arguments
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.sensitivity import Sensitivity
+from bellcrank.studies.results.sensitivity import Sensitivity
 from bellcrank.studies.sweep import sweep
 
 

@@ -16,16 +16,16 @@ from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.checkpoints import KEEP_EVERY, SPACING, check_keep_every
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.execution import Executor, Part, Work
-from bellcrank.studies.executors import choose_executor
-from bellcrank.studies.fastest_runner import FastestRunner
-from bellcrank.studies.sizing_runner import SizingRunner
-from bellcrank.studies.study import run_study
-from bellcrank.studies.study_folder import StudyFolder
+from bellcrank.simulation.files.checkpoints import KEEP_EVERY, SPACING, check_keep_every
+from bellcrank.studies.execution.execution import Executor, Part, Work
+from bellcrank.studies.execution.executors import choose_executor
+from bellcrank.studies.execution.fastest_runner import FastestRunner
+from bellcrank.studies.execution.sizing_runner import SizingRunner
+from bellcrank.studies.execution.study import run_study
+from bellcrank.studies.execution.study_folder import StudyFolder
+from bellcrank.studies.results.study_columns import StudyColumns
+from bellcrank.studies.results.sweep_result import Sweep
 from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, planner
-from bellcrank.studies.sweep_result import Sweep
 
 
 @arguments.named
@@ -191,4 +191,4 @@ class WatchedExecutor:
     def _so_far(self, parts: list[Part]) -> Sweep:
         parts.sort(key=lambda part: part.designs.first)
         index = np.concatenate([np.arange(*part.designs) for part in parts])
-        return replace(self.sweep, columns=Columns.joined([part.columns for part in parts]), index=index)
+        return replace(self.sweep, columns=StudyColumns.joined([part.columns for part in parts]), index=index)

@@ -14,16 +14,16 @@ from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.study import METHODS, MOST_POINTS, Study
-from bellcrank.simulation.scene_notes import file_notes
-from bellcrank.studies.axes import Axis, parse_values, read_axis
-from bellcrank.studies.design_runner import DesignRunner
-from bellcrank.studies.design_space import DesignSpace
-from bellcrank.studies.fastest_runner import FastestRunner
-from bellcrank.studies.samples import LARGEST_SEED, PointSet, Sample
-from bellcrank.studies.sensitivity_sample import SensitivitySample
-from bellcrank.studies.simulation_runner import SimulationRunner
-from bellcrank.studies.sizing_axes import override, present_value, unit_of
-from bellcrank.studies.sizing_runner import SizingRunner
+from bellcrank.simulation.trajectory.scene_notes import file_notes
+from bellcrank.studies.designs.axes import StudyAxis, parse_values, read_axis
+from bellcrank.studies.designs.design_space import DesignSpace
+from bellcrank.studies.designs.samples import LARGEST_SEED, PointSet, Sample
+from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.sizing_changes import override, present_value, unit_of
+from bellcrank.studies.execution.design_runner import DesignRunner
+from bellcrank.studies.execution.fastest_runner import FastestRunner
+from bellcrank.studies.execution.simulation_runner import SimulationRunner
+from bellcrank.studies.execution.sizing_runner import SizingRunner
 
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
 Checking = Callable[[int, int], None]
@@ -111,14 +111,14 @@ def plan_fastest(
     return SweepPlan(scene, space, runner, runner.notes)
 
 
-def axes_of_sizings(scene: Scene, vary: Mapping[str, Any] | None) -> tuple[Axis, ...]:
+def axes_of_sizings(scene: Scene, vary: Mapping[str, Any] | None) -> tuple[StudyAxis, ...]:
     """What sizings vary; None: as the scene's study says. Raises InputError."""
     axes = _axes(scene, vary, lambda path: unit_of(scene, path))
     _refuse_repeated(scene, axes)
     return axes
 
 
-def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None]) -> tuple[Axis, ...]:
+def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None]) -> tuple[StudyAxis, ...]:
     """What is varied; `unit` gives the unit of a path that is no parameter, where it is known. Raises InputError."""
     study = scene.study
     if vary is None:
@@ -134,7 +134,7 @@ def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], st
     return tuple(read_axis(scene, path, values, unit(path)) for path, values in given.items())
 
 
-def _refuse_repeated(scene: Scene, axes: Sequence[Axis]) -> None:
+def _refuse_repeated(scene: Scene, axes: Sequence[StudyAxis]) -> None:
     """Raise InputError where an axis replaces what an earlier one sets, whose values would then be without effect."""
     earlier: dict[str, str] = {}
     for axis in axes:
@@ -154,7 +154,7 @@ def _target(scene: Scene, path: str) -> str:
     return path.removesuffix(".guess") if path.startswith("initial.") else path
 
 
-def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Axis:
+def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> StudyAxis:
     """The axis that the scene's study describes. Raises InputError, which names file, line and key."""
     values = study.vary[path]
     try:
@@ -164,11 +164,11 @@ def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> Ax
         raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
 
 
-def _space(scene: Scene, axes: tuple[Axis, ...], sample: SampleRequest | None) -> DesignSpace:
+def _space(scene: Scene, axes: tuple[StudyAxis, ...], sample: SampleRequest | None) -> DesignSpace:
     return DesignSpace(()) if sample is None else DesignSpace(axes, _sample(scene, axes, sample))
 
 
-def _sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> PointSet | None:
+def _sample(scene: Scene, axes: tuple[StudyAxis, ...], asked: SampleRequest) -> PointSet | None:
     """The sample that is asked for; that of the scene is for distributions, wherever these are written."""
     if asked.sobol is not None:
         return _sensitivity_sample(scene, axes, asked)
@@ -190,7 +190,7 @@ def _sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> Point
     return Sample.of(sample, method, study.seed or 0 if seed is None else seed)
 
 
-def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleRequest) -> SensitivitySample:
+def _sensitivity_sample(scene: Scene, axes: tuple[StudyAxis, ...], asked: SampleRequest) -> SensitivitySample:
     size = arguments.whole("sobol", asked.sobol, least=2)
     for name, value in (("sample", asked.count), ("method", asked.method)):
         if value is not None:
@@ -206,7 +206,7 @@ def _sensitivity_sample(scene: Scene, axes: tuple[Axis, ...], asked: SampleReque
     return SensitivitySample(len(axes), size, seed=seed)
 
 
-def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool = True) -> None:
+def _check(scene: Scene, axis: StudyAxis, checking: Checking | None, equations: bool = True) -> None:
     """Refuse a path that accepts none of its values or, with `equations`, changes the equations (InputError).
 
     A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
@@ -239,7 +239,7 @@ def _check(scene: Scene, axis: Axis, checking: Checking | None, equations: bool 
         raise InputError(f"{refused[0]}{some}")
 
 
-def _tried(axis: Axis) -> list[float]:
+def _tried(axis: StudyAxis) -> list[float]:
     """The values that are tried: all, or some with equal spacing; of a distribution at equal steps of probability."""
     numbers = axis.numbers
     if axis.distribution is not None:

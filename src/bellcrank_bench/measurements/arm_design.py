@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from bellcrank.motion.motion import Motion
 from bellcrank.scene.scene import Scene
+from bellcrank.studies.execution.sizing_runner import SizingRunner
 from bellcrank.studies.optimisation.optimise import optimise
 from bellcrank.studies.optimisation.optimum import Optimum
-from bellcrank.studies.sizing_runner import SizingRunner
 from bellcrank_bench.problems.problem import scene_of
 from bellcrank_bench.problems.urdf_texts import two_link
 from bellcrank_bench.textbook.planar_2r import PlanarTwoLink

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen.full_tier import wait_for_optimised_code
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.planning.fastest_pass import fastest_on_grid
 from bellcrank.planning.joint_path import joint_path
-from bellcrank.planning.motion_limits import MotionLimits
-from bellcrank.planning.path_limits import PathLimits
+from bellcrank.planning.limits.motion_limits import MotionLimits
+from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.robot.load import load_robot
 from bellcrank_bench.measurements.fastest_peers import AT_BEGINNING, RUNS, PathProblem
 from bellcrank_bench.measurements.row import Row

@@ -120,7 +120,7 @@ def compile_time() -> list[Check]:
     """The time from `import bellcrank` to the compiled equations of a chain of 100 links, with an empty cache."""
     path = str(chain_scene(100).source)
     statement = (
-        "from bellcrank.dynamics.system import system_of\n"
+        "from bellcrank.dynamics.equations.system import system_of\n"
         f"system_of(bellcrank.load_scene({path!r})).rhs.address('scalar')"
     )
     return [Check("100 links", _cold(statement), 5.0, "s")]

@@ -20,8 +20,8 @@ from bellcrank.replays.page.headless_browser import find_browser, find_playwrigh
 from bellcrank.replays.replay import replay
 from bellcrank.robot.load import load_robot
 from bellcrank.simulation.simulate import simulate
-from bellcrank.sizing.live_motion import motion_pieces
-from bellcrank.sizing.live_sizing import live_sizing
+from bellcrank.sizing.live.live_motion import motion_pieces
+from bellcrank.sizing.live.live_sizing import live_sizing
 from bellcrank.sizing.size import size
 from bellcrank_bench.measurements.dynamics_peers import pinocchio_parallel
 from bellcrank_bench.measurements.dynamics_speed import PINOCCHIO, random_states

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.kkt import REFINEMENTS, Factor, proximal
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.kkt import REFINEMENTS, Factor, proximal
+from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.textbook.four_bar import FourBarWithMultipliers

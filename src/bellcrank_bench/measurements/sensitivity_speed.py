@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 from bellcrank.codegen import llvm as machine
 from bellcrank.errors import InputError
-from bellcrank.robot.traced_tree import INERTIA
+from bellcrank.robot.model.traced_tree import INERTIA
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
 

@@ -14,9 +14,9 @@ from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder
 from bellcrank.robot.catalog import find_urdf
+from bellcrank.robot.formats.xml_tree import read_text
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot
-from bellcrank.robot.xml_tree import read_text
 from bellcrank_bench.c_baseline.baseline import NAME as C_BASELINE
 from bellcrank_bench.c_baseline.compiler import FLAGS, shared_library
 from bellcrank_bench.measurements.dynamics_peers import pinocchio_parallel

@@ -13,8 +13,8 @@ from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.sizing.size import size
-from bellcrank.studies.design_runner import DesignRunner
-from bellcrank.studies.sizing_measures import measures_of
+from bellcrank.studies.execution.design_runner import DesignRunner
+from bellcrank.studies.results.sizing_measures import measures_of
 from bellcrank.studies.sweep_plan import SampleRequest, plan_sizings
 from bellcrank_bench.measurements.ensemble_row import Duration, EnsembleRow, best_in_turns, clocked, thread_count
 from bellcrank_bench.measurements.ensemble_speed import THREADS, TOLERANCE, VARIED, Ensemble

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bellcrank.robot.load import load_robot
 from bellcrank.scene.scene import load_scene
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.measurements.dynamics_speed import random_states
 from bellcrank_bench.measurements.ensemble_row import Duration, EnsembleRow, best_in_turns, clocked
 from bellcrank_bench.measurements.machine import seconds_in_new_processes

@@ -9,9 +9,9 @@ from math import pi
 
 import numpy as np
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Check, constraints_satisfied, finished, largest
 from bellcrank_bench.problems.problem import IFTOMM, Benchmark, Problem, Published
 from bellcrank_bench.textbook.bricard import BricardRing

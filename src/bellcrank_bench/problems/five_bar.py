@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Check, constraints_satisfied, finished, largest
 from bellcrank_bench.problems.problem import Problem
 

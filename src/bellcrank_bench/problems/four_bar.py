@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Check, constraints_satisfied, finished, largest
 from bellcrank_bench.problems.problem import LECTURE, Benchmark, Problem
 from bellcrank_bench.textbook.four_bar import FourBarWithMultipliers, ReducedFourBar

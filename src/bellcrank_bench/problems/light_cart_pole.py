@@ -11,7 +11,7 @@ from math import pi, sqrt
 import numpy as np
 
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems import urdf_texts
 from bellcrank_bench.problems.checks import Array, Check, finished, largest
 from bellcrank_bench.problems.problem import IFTOMM, Problem, scene_of

@@ -10,7 +10,7 @@ import yaml
 
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems import urdf_texts
 from bellcrank_bench.problems.checks import Array, Check, finished, largest
 from bellcrank_bench.problems.problem import IFTOMM, Benchmark, Problem, Published, scene_of

@@ -10,7 +10,7 @@ from math import asinh, pi, sin
 import numpy as np
 
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems import urdf_texts
 from bellcrank_bench.problems.checks import Check, finished, largest
 from bellcrank_bench.problems.problem import IFTOMM, Benchmark, Problem, Published, scene_of

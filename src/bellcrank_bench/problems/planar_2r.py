@@ -12,7 +12,7 @@ from math import degrees, pi
 import numpy as np
 
 from bellcrank.scene.scene import Scene, load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems import urdf_texts
 from bellcrank_bench.problems.checks import Array, Check, extremes, finished, largest, turning_points
 from bellcrank_bench.problems.problem import LECTURE, Benchmark, Problem, scene_of

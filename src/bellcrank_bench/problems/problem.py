@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bellcrank.files.temporaries import new_folder
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Array, Check
 
 LECTURE = "A. Ghosal, Dynamics and Control of Mechanical Systems, NPTEL 2022, lecture 18"

@@ -13,7 +13,7 @@ import numpy as np
 
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Array, Check, finished, largest, turning_points
 from bellcrank_bench.problems.problem import LECTURE, Benchmark, Problem, scene_of
 from bellcrank_bench.problems.urdf_texts import rolling_disk

@@ -12,7 +12,7 @@ import numpy as np
 
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Array, Check, extremes, finished, largest, turning_points
 from bellcrank_bench.problems.problem import LECTURE, Benchmark, Problem
 from bellcrank_bench.textbook.spring_pendulum import SpringPendulum

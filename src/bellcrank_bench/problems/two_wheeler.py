@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank_bench.problems.checks import Check, finished, largest
 from bellcrank_bench.problems.problem import Benchmark, Problem
 from bellcrank_bench.textbook.two_wheeler import SteadyTurn

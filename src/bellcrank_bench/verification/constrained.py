@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.dynamics.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.textbook.four_bar import FourBarWithMultipliers

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.simulation.trajectory import Trajectory
+from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-11  # relative to the largest entry: rounding errors of both computations

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.load import load_robot

@@ -40,7 +40,7 @@ T get(nb::handle record, const char* name) {
   return value;
 }
 
-// The record StartEquations (dynamics/start_equations.py).
+// The record StartEquations (dynamics/postures/start_equations.py).
 struct Reading {
   StartModel model{};
 
@@ -139,7 +139,7 @@ nb::tuple searched(const Reading& reading, Column<double> found, int threads, co
   return nb::make_tuple(found.array(false), code.array(true), index.array(true), value.array(true));
 }
 
-// The record RowSampling (dynamics/design_parameters.py).
+// The record RowSampling (dynamics/equations/design_parameters.py).
 struct RowReading {
   RowModel model{};
 

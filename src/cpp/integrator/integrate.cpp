@@ -14,7 +14,7 @@
 namespace bellcrank {
 namespace {
 
-// The record IntegrationProblem (simulation/integration_problem.py).
+// The record IntegrationProblem (simulation/integration/integration_problem.py).
 struct Reading : ProblemReading {
   explicit Reading(nb::handle record) {
     read_span(record);

@@ -33,7 +33,7 @@ namespace {
 enum KernelPlace {
   RHS, FALLBACK, PROJECT, PROJECT_FALLBACK, EVENTS, LINEARISED, ROWS, INERTIA, COSINES, ALIGNED, START, SHOWN, KERNELS
 };
-constexpr double TURNED_OVER = 9;  // a status that is not the integrator's (simulation/status.py)
+constexpr double TURNED_OVER = 9;  // a status that is not the integrator's (simulation/integration/status.py)
 Kernel kernels[KERNELS];
 int outputs_of[KERNELS];  // sizes of the results of those that are called for many samples
 
@@ -240,7 +240,7 @@ class Run {
   int place_ = 0;
   double value_ = 0;
 
-  // As Trajectory.energy_drift (simulation/trajectory.py).
+  // As Trajectory.energy_drift (simulation/trajectory/trajectory.py).
   double energy_drift() const {
     double gap = 0, moved = 0, size = 0;
     for (std::size_t i = 0; i < found_.time.size(); ++i) {
@@ -328,7 +328,7 @@ class Run {
     return CONSISTENT;
   }
 
-  // As until_turned_over (simulation/integration.py): the rows before one in which a weld or hinge is turned by more than
+  // As until_turned_over (simulation/integration/integration.py): the rows before one in which a weld or hinge is turned by more than
   // a quarter turn; whether there is one.
   bool turned_over() {
     const int count = s_.start.cosine_count;

@@ -1,4 +1,4 @@
-// The usual sizes of a scene's constraint rows at the parameters of one design; dynamics/constraint_rows.py states the
+// The usual sizes of a scene's constraint rows at the parameters of one design; dynamics/constraints/constraint_rows.py states the
 // rules. Only where they are regular: M and J M⁻¹ Jᵀ have full rank, and the rows that bind are the expected ones, beyond
 // doubt. The other designs are left to Python.
 #pragma once

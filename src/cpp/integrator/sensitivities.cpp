@@ -13,7 +13,7 @@
 namespace bellcrank {
 namespace {
 
-// The record IntegrationProblem (simulation/integration_problem.py) without its outputs.
+// The record IntegrationProblem (simulation/integration/integration_problem.py) without its outputs.
 struct RunReading : ProblemReading {
   explicit RunReading(nb::handle record) {
     plain.t0 = get<double>(record, "t0"), plain.t1 = get<double>(record, "t1");
@@ -29,7 +29,7 @@ struct RunReading : ProblemReading {
   Vector x0_, parameters_;
 };
 
-// The record SensitivityProblem (simulation/propagation.py).
+// The record SensitivityProblem (simulation/sensitivities/sensitivity_integration.py).
 struct SensitivityReading {
   SensitivityProblem plain{};
   std::size_t mark_count = 0;

@@ -1,4 +1,4 @@
-// The search for a start that satisfies a scene's constraints, of one design; dynamics/consistent_start.py states the
+// The search for a start that satisfies a scene's constraints, of one design; dynamics/postures/consistent_start.py states the
 // rules. Corrections are damped Gauss-Newton steps of minimum norm, lengths in units of the characteristic length.
 #pragma once
 

@@ -17,7 +17,7 @@ using In = nb::ndarray<const double, nb::ndim<dimensions>, nb::c_contig, nb::dev
 
 using Narrow = nb::ndarray<const std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Limits along a path, as `bellcrank.planning.path_limits.PathLimits` names them. Keeps its arrays alive.
+// Limits along a path, as `bellcrank.planning.limits.path_limits.PathLimits` names them. Keeps its arrays alive.
 struct LimitArrays {
   In<2> a, b, d, c;
   In<3> w;

@@ -7,13 +7,13 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.actuators.mount import Mount
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.mechanism import mechanism_of as mechanism_of_robot
-from bellcrank.dynamics.open_chain_inverse_dynamics import OpenChain
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.mechanism import mechanism_of as mechanism_of_robot
+from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.sizing.selection import axis_loads_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.sizing.sizing_subject import sizing_subject
 from tests.support.actuator_bodies import body, payload_at_joint
 from tests.support.crane import FILES
 

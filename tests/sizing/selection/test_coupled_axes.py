@@ -6,7 +6,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.actuators.mount import Mount
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from random_catalogue import random_cycles, random_gears, random_motors
 
 from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.load_reductions import SPEED, ReducedCycle, reduce_cycle, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import (
@@ -26,7 +26,7 @@ from bellcrank.sizing.selection.shaft_loads import (
     speed_coefficients,
 )
 
-AXIS = Axis(name="a", kind="rotary", joints=("a",), mount="base")
+AXIS = DrivenAxis(name="a", kind="rotary", joints=("a",), mount="base")
 
 
 def cycle_of(torque: Any, speed: Any, acceleration: Any, weight: Any = None) -> ReducedCycle:

@@ -7,13 +7,13 @@ import pinocchio as pin
 import pytest
 
 import bellcrank as bc
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep, checked_duty
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.sizing.sizing_subject import sizing_subject
 
 
 def arm_and_motions(friction="urdf"):

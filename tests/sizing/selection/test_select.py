@@ -11,7 +11,7 @@ import pytest
 from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.sizing.selection.tables import percent

@@ -9,7 +9,7 @@ import yaml
 from own_products import write_products
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import load_catalogue
+from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.sizing.axis_conditions import conditions_of

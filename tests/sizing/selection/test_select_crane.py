@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.powertrain import PowerTrains
 from tests.support.crane import URDF
 

@@ -12,7 +12,7 @@ from sized_catalogue import sized_catalogue
 
 import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
-from bellcrank.dynamics.mechanism import mechanism_of
+from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge

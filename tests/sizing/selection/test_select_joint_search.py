@@ -10,7 +10,7 @@ import pytest
 
 from bellcrank.sizing.selection.joint_problem import components, judge_choice, search_order
 from bellcrank.sizing.selection.joint_search import best_combination, fixed_point
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, NOTHING, Verdicts, as_key, rank_keys, total
+from bellcrank.sizing.selection.ranking import NOT_JUDGED, NOTHING, PairVerdicts, as_key, rank_keys, total
 
 CHAIN = np.triu(np.ones((3, 3), dtype=bool), 1)  # axis 0 is the base
 TWO_ARMS = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]], dtype=bool)
@@ -49,7 +49,7 @@ class Pairs:
     def _keys(self, axis, use):
         value = {"mass": self.masses[axis], "cost": self.prices[axis], "margin": use}[self.objective]
         fails = np.where(use > 1.0, 2, 0).astype(np.int8)
-        return rank_keys(Verdicts(tier=fails, main_unknown=np.zeros_like(fails), objective=value, use=use))
+        return rank_keys(PairVerdicts(tier=fails, main_unknown=np.zeros_like(fails), objective=value, use=use))
 
     def keys(self, axis, masses, rows=None):
         self.effort += 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_catalogue import random_cycles, random_gears, random_motors
 
-from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.sizing.selection.axis_loads import AxisLoads
 from bellcrank.sizing.selection.axis_pairs import axis_pairs

@@ -13,7 +13,7 @@ from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.subject import sizing_subject
+from bellcrank.sizing.sizing_subject import sizing_subject
 from tests.support import actuator_bodies
 
 pytestmark = pytest.mark.tier2

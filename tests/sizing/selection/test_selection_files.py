@@ -13,12 +13,12 @@ import pytest
 from own_products import write_products
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.errors import InputError
 from bellcrank.files.json_files import list_files
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.selection.plots import plots_aside, selection_figures
 from bellcrank.sizing.selection.select import select

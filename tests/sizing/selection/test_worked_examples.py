@@ -12,7 +12,7 @@ import pytest
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.gear_criteria import GearAverageSpeed, GearAverageTorque, GearRepeatedPeak
 from bellcrank.sizing.selection.judge import CRITERIA, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
@@ -57,7 +57,7 @@ def one_axis(
         tilting_moment=np.full((count, 1), math.nan),
         inertia=np.full((count, 1), inertia),
     )
-    axis = Axis(name="axis", kind=kind, joints=("axis",), mount="base")
+    axis = DrivenAxis(name="axis", kind=kind, joints=("axis",), mount="base")
     return reduce_loads((axis,), (cycle,))[0]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements import frame_forces
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import Element
@@ -20,14 +20,14 @@ from bellcrank.elements.loop_constraints import WORLD, Distance, Hinge, Loop, Po
 from bellcrank.elements.loop_joints import Planar, Prismatic, Universal
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.elements.signals import values_at
-from bellcrank.motion.quaternions import from_matrices, multiply, rotate
-from bellcrank.replays.film.film import Arrow, Rod, Spring
+from bellcrank.motion.kinematics.quaternions import from_matrices, multiply, rotate
+from bellcrank.replays.film.film import Arrow, FilmSpring, Rod
 from bellcrank.replays.film.film_samples import FramePose
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -145,19 +145,19 @@ def motor_arrow(
     return Arrow(name=name or f"{joint.name} motor", unit=unit, points=points, vectors=vectors, is_torque=not linear)
 
 
-def scene_springs(frames: SceneFrames) -> Iterator[Spring]:
+def scene_springs(frames: SceneFrames) -> Iterator[FilmSpring]:
     """Springs between frames, and those of prismatic joints, from the joint's zero position to its position."""
     for force in frames.scene.forces:
         if isinstance(force, frame_forces.Spring):
             a = frames.frame_pose(force.frame_a)[0]
             fixed = force.frame_b == WORLD
             b = np.tile(frames.vector(force, "point"), (len(a), 1)) if fixed else frames.frame_pose(force.frame_b)[0]
-            yield Spring(force.name, np.stack([a, b], axis=1))
+            yield FilmSpring(force.name, np.stack([a, b], axis=1))
         elif isinstance(force, JointSpring) and force.joint.kind == "prismatic":
             robot, joint = frames.scene.robot, force.joint
             points, quaternions = frames.frame_pose(child_link(robot, joint.name))
             travel = frames.state[:, joint.q, None] * rotate(quaternions, np.asarray(robot.joint_axis(joint.name)))
-            yield Spring(force.name, np.stack([points - travel, points], axis=1))
+            yield FilmSpring(force.name, np.stack([points - travel, points], axis=1))
 
 
 def scene_rods(frames: SceneFrames) -> Iterator[Rod]:

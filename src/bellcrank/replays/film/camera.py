@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.quaternions import conjugate, multiply
+from bellcrank.motion.kinematics.quaternions import conjugate, multiply
 from bellcrank.replays.film.film import Camera, Ground
 from bellcrank.replays.geometry.shapes import triple
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.resampling import BETWEEN, SHARE, extreme_rows, ranges
+from bellcrank.motion.sampled.resampling import BETWEEN, SHARE, extreme_rows, ranges
 from bellcrank.replays.film.decimation import Rows, line_rows
-from bellcrank.replays.film.film import Chart, Line
-from bellcrank.simulation.plot_panels import Panel, run_panels, shown_unit
+from bellcrank.replays.film.film import Chart, FilmLine
+from bellcrank.simulation.trajectory.plot_panels import Panel, run_panels, shown_unit
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 FORCES = ("joint torque", "joint force", "multiplier")
@@ -56,7 +56,7 @@ def panel_chart(panel: Panel) -> Chart:
     else:
         rows, tolerance = kept_rows(panel.time, table, panel.off)
     lines = tuple(
-        Line(name, values[kept], panel.time[kept]) for (name, values), kept in zip(panel.lines, rows, strict=True)
+        FilmLine(name, values[kept], panel.time[kept]) for (name, values), kept in zip(panel.lines, rows, strict=True)
     )
     unit = shown_unit(panel.unit)  # the page shows the unit beside the title
     title, every = panel.title.removesuffix(f", {unit}"), np.unique(np.concatenate(rows))

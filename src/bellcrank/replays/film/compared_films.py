@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
-from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, Line
+from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, FilmLine
 from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import Body, outlines, world_corners
+from bellcrank.replays.geometry.shapes import DrawnBody, outlines, world_corners
 
 Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
@@ -93,9 +93,9 @@ def names_of(film: Film, other: Film) -> tuple[str, str]:
     return (film.title, other.title) if film.title != other.title else ("first", "second")
 
 
-def _tinted(body: Body, prefix: str) -> Body:
+def _tinted(body: DrawnBody, prefix: str) -> DrawnBody:
     shapes = tuple(replace(shape, colour=_tint(shape.colour)) for shape in body.shapes)
-    return Body(f"{prefix}: {body.name}", shapes)
+    return DrawnBody(f"{prefix}: {body.name}", shapes)
 
 
 def _tint(colour: Colour) -> Colour:
@@ -148,14 +148,14 @@ def _kind(chart: Chart) -> tuple[str, str]:
     return chart.title.partition(" (")[0], chart.unit
 
 
-def _timed(chart: Chart, prefix: str) -> list[Line]:
+def _timed(chart: Chart, prefix: str) -> list[FilmLine]:
     return [
-        Line(f"{prefix}{line.name}", line.values, chart.time if line.time is None else line.time)
+        FilmLine(f"{prefix}{line.name}", line.values, chart.time if line.time is None else line.time)
         for line in chart.lines
     ]
 
 
-def _camera(camera: Camera, poses: Array, bodies: Sequence[Body]) -> Camera:
+def _camera(camera: Camera, poses: Array, bodies: Sequence[DrawnBody]) -> Camera:
     """A camera in the direction of another one, that sees all bodies at all times."""
     some = poses[np.unique(np.linspace(0, len(poses) - 1, MOST_LOOKED_AT).astype(int))]
     points = world_corners(some, outlines(bodies)).reshape(-1, 3)

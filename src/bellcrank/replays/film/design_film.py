@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
-from bellcrank.motion.quaternions import rotate
+from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.decimation import frame_rows
-from bellcrank.replays.film.film import Film, Rod, Spring, TimelineEvent, Trace
+from bellcrank.replays.film.film import Film, FilmSpring, Rod, TimelineEvent, Trace
 from bellcrank.replays.film.film_samples import FramePose
 from bellcrank.replays.film.link_stretch import LinkStretch
 from bellcrank.replays.film.motion_film import MotionSequence, motion_trajectories
@@ -23,15 +23,15 @@ from bellcrank.replays.film.robot_view import film_axes, film_bodies, revolute_a
 from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function, refine
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, outlines, world_corners
-from bellcrank.sizing.joint_histories import SizingInputs
+from bellcrank.replays.geometry.shapes import DrawnBody, body_radii, bounding_boxes, outlines, world_corners
+from bellcrank.sizing.loads.joint_histories import SizingInputs
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory import Trajectory
-    from bellcrank.sizing.joint_histories import SizingInputs
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
+    from bellcrank.sizing.loads.joint_histories import SizingInputs
 
 
 # ---- What the film of a study shows of one design: a run of a scene, or a motion over which it was sized.
@@ -95,7 +95,7 @@ SEEN = 40  # times of each design by which the camera is chosen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DesignMotion:
+class FilmedMotion:
     """The motion of one design: poses (n, bodies, 7) at times (n,) s, as in a film.
 
     `stretch` (bodies, 3, 3) maps points of a body's shapes, in the body's frame, to those of the design. Springs and
@@ -105,7 +105,7 @@ class DesignMotion:
     time: Array
     poses: Array
     stretch: Array
-    springs: tuple[Spring, ...]
+    springs: tuple[FilmSpring, ...]
     rods: tuple[Rod, ...]
     events: tuple[TimelineEvent, ...]
 
@@ -118,7 +118,7 @@ class DesignFilm:
     """
 
     film: Film
-    motions: tuple[DesignMotion, ...]
+    motions: tuple[FilmedMotion, ...]
     traced: tuple[int, ...]
 
 
@@ -137,7 +137,7 @@ def film_of_designs(
     bodies, notes = film_bodies(robot, detail)
     traced = traced_frames(robot, trace, sources[0].traced)
     there = {body.name for body in bodies}
-    bodies = (*bodies, *(Body(name, ()) for name in traced if name not in there))
+    bodies = (*bodies, *(DrawnBody(name, ()) for name in traced if name not in there))
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *(() if scene is None else element_frames(scene))]))
     stretch = LinkStretch(robot, bodies, parameters)
     corners, surfaces = bounding_boxes(bodies), outlines(bodies)
@@ -170,7 +170,7 @@ def film_of_designs(
         error_bound=TOLERANCE * size,
         ground=choose_ground(_planes(sources[0]), view, not robot.floating_base),
         traces=tuple(Trace(name, first.time, first.poses[:, k, :3]) for name, k in paths),
-        springs=tuple(Spring(spring.name, spring.ends[extended]) for spring in first.springs),
+        springs=tuple(FilmSpring(spring.name, spring.ends[extended]) for spring in first.springs),
         rods=tuple(Rod(rod.name, rod.ends[extended]) for rod in first.rods),
         axes=film_axes(robot, bodies),
         notes=(*notes, "links are stretched so that their joints lie where the parameters of the design place them"),
@@ -179,8 +179,8 @@ def film_of_designs(
 
 
 def _motion(
-    source: DesignSource, trajectory: SampledTrajectory, bodies: Sequence[Body], bound: float, stretch: Array
-) -> DesignMotion:
+    source: DesignSource, trajectory: SampledTrajectory, bodies: Sequence[DrawnBody], bound: float, stretch: Array
+) -> FilmedMotion:
     """The motion of a design at as few times as the bound (m) allows; events keep their times."""
     corners = bounding_boxes(bodies)
     radii, numbers = body_radii(corners), [trajectory.frame_index[body.name] for body in bodies]
@@ -197,7 +197,7 @@ def _motion(
         return points[:, trajectory.frame_index[name]], quaternions[:, trajectory.frame_index[name]]
 
     frames = source.frames(trajectory.position[rows], frame_pose)
-    return DesignMotion(
+    return FilmedMotion(
         time=trajectory.time[rows],
         poses=np.concatenate([points[:, numbers], quaternions[:, numbers]], axis=2),
         stretch=stretch,
@@ -215,7 +215,7 @@ def _planes(source: DesignSource) -> list[tuple[Array, float]]:
 
 
 def _distinct_paths(
-    paths: Sequence[tuple[str, int]], motions: Sequence[DesignMotion], bound: float
+    paths: Sequence[tuple[str, int]], motions: Sequence[FilmedMotion], bound: float
 ) -> list[tuple[str, int]]:
     """The paths, name and body, without those that coincide with an earlier one within a bound (m) in every motion."""
     found: list[tuple[str, int]] = []

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.planning.fastest_motion import FastestMotion
-from bellcrank.replays.film.film import ActiveLimit, Axis, Film, XYPlot
+from bellcrank.replays.film.film import ActiveLimit, Film, FilmAxis, XYPlot
 from bellcrank.replays.film.motion_film import Progress, film_of_motion
 from bellcrank.replays.geometry.meshes import Detail
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
@@ -54,7 +54,7 @@ def film_of_fastest(
     )
 
 
-def active_limits(fastest: FastestMotion, axes: tuple[Axis, ...]) -> tuple[ActiveLimit, ...]:
+def active_limits(fastest: FastestMotion, axes: tuple[FilmAxis, ...]) -> tuple[ActiveLimit, ...]:
     """The active limits in order of time, each from its time on, with the number of the axis of its joint."""
     numbers = {axis.name: k for k, axis in enumerate(axes)}
     long = np.diff(fastest.time) > 0.0

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
-from bellcrank.motion.resampling import SHARE
-from bellcrank.replays.geometry.shapes import Body, Triple
+from bellcrank.motion.sampled.resampling import SHARE
+from bellcrank.replays.geometry.shapes import DrawnBody, Triple
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.live_film import LiveFilm
@@ -48,7 +48,7 @@ class Arrow:
 
 
 @dataclass(frozen=True, eq=False)
-class Spring:
+class FilmSpring:
     """A spring between two points: ends (n, 2, 3), one pair for each frame of the film."""
 
     name: str
@@ -64,7 +64,7 @@ class Rod:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class FilmAxis:
     """A joint's axis: a point and a unit direction in the frame of body number `body`.
 
     `torsion_spring` draws a spiral around it.
@@ -104,7 +104,7 @@ class ActiveLimit:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class FilmLine:
     """Values (m,) of one quantity at its own times (m,), which do not decrease (a jump has its time twice).
 
     Without `time` the values are at the times of the chart.
@@ -126,7 +126,7 @@ class Chart:
     title: str
     unit: str
     time: Array
-    lines: tuple[Line, ...]
+    lines: tuple[FilmLine, ...]
     logarithmic: bool = False
     tolerance: float | None = SHARE
 
@@ -178,15 +178,15 @@ class Film:
     title: str
     time: Array
     poses: Array
-    bodies: tuple[Body, ...]
+    bodies: tuple[DrawnBody, ...]
     camera: Camera
     error_bound: float
     ground: Ground | None = None
     traces: tuple[Trace, ...] = ()
     arrows: tuple[Arrow, ...] = ()
-    springs: tuple[Spring, ...] = ()
+    springs: tuple[FilmSpring, ...] = ()
     rods: tuple[Rod, ...] = ()
-    axes: tuple[Axis, ...] = ()
+    axes: tuple[FilmAxis, ...] = ()
     layers: tuple[BodyLayer, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
     limits: tuple[ActiveLimit, ...] = ()

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.resampling import NOTHING, OUTSTANDING, extreme_rows
-from bellcrank.motion.resampling import SHARE as VALUE_TOLERANCE
+from bellcrank.motion.sampled.resampling import NOTHING, OUTSTANDING, extreme_rows
+from bellcrank.motion.sampled.resampling import SHARE as VALUE_TOLERANCE
 from bellcrank.replays.film.decimation import Rows, frame_rows, series_rows
 from bellcrank.replays.film.film import Arrow, Trace
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, refine
-from bellcrank.replays.geometry.shapes import Body, body_radii, bounding_boxes, outlines, world_corners
+from bellcrank.replays.geometry.shapes import DrawnBody, body_radii, bounding_boxes, outlines, world_corners
 
 Array = NDArray[np.float64]
 PointFunction = Callable[[Array, Array], Array]  # points (n, frames, 3), quaternions (n, frames, 4) -> points (n, 3)
@@ -69,7 +69,7 @@ class SampledFrames:
 
 def sample_frames(
     trajectory: SampledTrajectory,
-    bodies: Sequence[Body],
+    bodies: Sequence[DrawnBody],
     traced: Mapping[str, PointFunction],
     keep: Iterable[float] = (),
     progress: Callable[[float], None] | None = None,

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.quaternions import conjugate, from_matrices, rotate
+from bellcrank.motion.kinematics.quaternions import conjugate, from_matrices, rotate
 from bellcrank.numerics import pseudo_inverse
 from bellcrank.replays.film.sampled_trajectory import frame_pose_function
 from bellcrank.replays.geometry.link_layout import LinkLayout
-from bellcrank.replays.geometry.shapes import Body
+from bellcrank.replays.geometry.shapes import DrawnBody
 
 if TYPE_CHECKING:
     import casadi
@@ -35,7 +35,7 @@ class LinkStretch:
     changes the least (the Frobenius norm of its difference from I), so that nothing happens across the points.
     """
 
-    def __init__(self, robot: Robot, bodies: Sequence[Body], parameters: Mapping[str, Parameter]) -> None:
+    def __init__(self, robot: Robot, bodies: Sequence[DrawnBody], parameters: Mapping[str, Parameter]) -> None:
         layout = LinkLayout(robot.urdf, robot.user_frames)
         ends: dict[str, list[str]] = {carrier: [] for carrier in layout.links_of}
         for joint in robot.urdf.joints.values():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.elements.symbols import Symbols
 from bellcrank.files import bundled_data
 from bellcrank.motion.coordinates import velocity_labels
@@ -21,9 +21,9 @@ from bellcrank.replays.film.live_shapes import ShownExpressions
 from bellcrank.replays.film.torque_speed import shaft_plot
 from bellcrank.scene.robot_config import RobotConfig
 from bellcrank.sizing.joint_sizing import JointSizing
-from bellcrank.sizing.live_choice import Choices
-from bellcrank.sizing.live_motion import MotionPieces, motion_pieces
-from bellcrank.sizing.live_sizing import EFFORT, FIGURES, NONE, VELOCITY, LiveSizing, live_sizing, module_of
+from bellcrank.sizing.live.live_choice import Choices
+from bellcrank.sizing.live.live_motion import MotionPieces, motion_pieces
+from bellcrank.sizing.live.live_sizing import EFFORT, FIGURES, NONE, VELOCITY, LiveSizing, live_sizing, module_of
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import verdict
 

@@ -15,17 +15,17 @@ from bellcrank.replays.film.film import Film
 from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
 from bellcrank.replays.film.live_shapes import ShownExpressions
 from bellcrank.scene.settings import Settings
+from bellcrank.simulation.integration.status import Status
 from bellcrank.simulation.live_simulation import live_simulation
-from bellcrank.simulation.plot_panels import linear_panels, residual_panels, shown_unit
-from bellcrank.simulation.run_warnings import LARGEST_DRIFT
-from bellcrank.simulation.state_history import residual_columns
-from bellcrank.simulation.status import Status
+from bellcrank.simulation.trajectory.plot_panels import linear_panels, residual_panels, shown_unit
+from bellcrank.simulation.trajectory.run_warnings import LARGEST_DRIFT
+from bellcrank.simulation.trajectory.state_history import residual_columns
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.dynamics.assembly import Assembly
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.dynamics.equations.assembly import Assembly
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 ENGINE = 62_000  # bytes of the integrator, deflated

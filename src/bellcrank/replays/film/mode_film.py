@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.mode import Mode
 from bellcrank.analysis.symmetries import project
-from bellcrank.dynamics.consistent_start import displaced
-from bellcrank.dynamics.constraint_rows import velocity_units
+from bellcrank.dynamics.constraints.constraint_rows import velocity_units
+from bellcrank.dynamics.postures.consistent_start import displaced
 from bellcrank.errors import InputError
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, scene_rods, scene_springs
 from bellcrank.replays.film.camera import choose_camera, choose_ground

@@ -11,29 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.force_table_breakpoints import with_force_rows
-from bellcrank.dynamics.mechanism import Mechanism, mechanism_of
-from bellcrank.dynamics.motion_notes import mechanism_notes, motion_notes
+from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
+from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.motion import require_joints
-from bellcrank.motion.resampling import BETWEEN, SHARE, before, ranges, refined
+from bellcrank.motion.sampled.resampling import BETWEEN, SHARE, before, ranges, refined
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, motor_arrow, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.charts import join_times, join_with_gaps, panel_chart
-from bellcrank.replays.film.film import Arrow, Chart, Film, Rod, Spring, TimelineEvent, Trace
+from bellcrank.replays.film.film import Arrow, Chart, Film, FilmSpring, Rod, TimelineEvent, Trace
 from bellcrank.replays.film.film_samples import ArrowFunction, FramePose, SampledFrames, join_arrows, sample_frames
 from bellcrank.replays.film.robot_view import camera_scene, film_axes, film_bodies, frame_origins, traced_frames
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.film.torque_speed import motor_speed_torque, torque_speed_plots
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.shapes import Body
-from bellcrank.simulation.interpolation import signal_jumps
-from bellcrank.simulation.plot_panels import by_unit, titled_apart
-from bellcrank.simulation.run_csv import torque_unit
-from bellcrank.sizing.joint_histories import SampledStates, joint_torques
-from bellcrank.sizing.motion_grid import motion_sides
-from bellcrank.sizing.one_sided import Sides
+from bellcrank.replays.geometry.shapes import DrawnBody
+from bellcrank.simulation.files.run_csv import torque_unit
+from bellcrank.simulation.trajectory.interpolation import signal_jumps
+from bellcrank.simulation.trajectory.plot_panels import by_unit, titled_apart
+from bellcrank.sizing.loads.joint_histories import SampledStates, joint_torques
+from bellcrank.sizing.loads.motion_grid import motion_sides
+from bellcrank.sizing.loads.one_sided_limits import Sides
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class MotionSequence:
     mechanism: Mechanism
     motions: Sequence[Motion]
     actuators: Mapping[str, Actuator]
-    more_bodies: tuple[Body, ...] = ()
+    more_bodies: tuple[DrawnBody, ...] = ()
 
     @cached_property
     def starts(self) -> list[float]:
@@ -232,7 +232,7 @@ def film_of_motions(
         ground=choose_ground([], view, not robot.floating_base),
         traces=_joined_traces(parts, shifts),
         arrows=arrows,
-        springs=tuple(Spring(s.name, s.ends[once]) for s in springs),
+        springs=tuple(FilmSpring(s.name, s.ends[once]) for s in springs),
         rods=tuple(Rod(r.name, r.ends[once]) for r in rods),
         axes=film_axes(robot, bodies, _sprung_joints(scene)),
         events=tuple(begins if len(motions) > 1 else ()),
@@ -288,7 +288,7 @@ def _camera_scene(parts: Sequence[SampledFrames], arrows: Sequence[Arrow], point
     )
 
 
-def _springs_and_rods(scene: Scene | None, parts: Sequence[SampledFrames]) -> tuple[list[Spring], list[Rod]]:
+def _springs_and_rods(scene: Scene | None, parts: Sequence[SampledFrames]) -> tuple[list[FilmSpring], list[Rod]]:
     """The springs and rods of a scene, at the frames of all motions one after the other."""
     if scene is None:
         return [], []
@@ -297,7 +297,7 @@ def _springs_and_rods(scene: Scene | None, parts: Sequence[SampledFrames]) -> tu
         for part in parts
     ]
     springs = [
-        Spring(each[0].name, np.concatenate([spring.ends for spring in each]))
+        FilmSpring(each[0].name, np.concatenate([spring.ends for spring in each]))
         for each in zip(*map(scene_springs, frames), strict=True)
     ]
     rods = [

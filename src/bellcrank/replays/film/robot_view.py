@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.quaternions import rotate
+from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.replays.film.arrow_scale import ArrowScale, scales_up_to
 from bellcrank.replays.film.arrows import child_link
 from bellcrank.replays.film.camera import CameraScene
-from bellcrank.replays.film.film import Arrow, Axis
+from bellcrank.replays.film.film import Arrow, FilmAxis
 from bellcrank.replays.film.film_samples import PointFunction, SampledFrames
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.shapes import Body
+from bellcrank.replays.geometry.shapes import DrawnBody
 from bellcrank.replays.geometry.visuals import robot_bodies
 from bellcrank.terminal.progress import share_bar
 
@@ -33,13 +33,13 @@ _TIP = re.compile(r"(^|_)(tip|tool0?|tcp|ee|end_?effector)($|_)", re.IGNORECASE)
 ARROW_LENGTH = 0.2  # of the scene: the length of arrows for which the camera leaves room
 
 
-def film_bodies(robot: Robot, detail: Detail) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+def film_bodies(robot: Robot, detail: Detail) -> tuple[tuple[DrawnBody, ...], tuple[str, ...]]:
     """The bodies of a robot, with an empty one for each moving link without shapes; and notes."""
     with share_bar("meshes") as progress:
         bodies, notes = robot_bodies(robot, detail, progress)
     there = {body.name for body in bodies}
     moved = dict.fromkeys(child_link(robot, name) for name, _ in joint_axes(robot))
-    return (*bodies, *(Body(name, ()) for name in moved if name not in there)), notes
+    return (*bodies, *(DrawnBody(name, ()) for name in moved if name not in there)), notes
 
 
 def joint_axes(robot: Robot) -> list[tuple[str, Array]]:
@@ -54,12 +54,12 @@ def revolute_axes(robot: Robot) -> list[tuple[str, Array]]:
     return [(child_link(robot, name), axis) for name, axis in joint_axes(robot) if name not in linear]
 
 
-def film_axes(robot: Robot, bodies: Sequence[Body], sprung: Iterable[str] = ()) -> tuple[Axis, ...]:
+def film_axes(robot: Robot, bodies: Sequence[DrawnBody], sprung: Iterable[str] = ()) -> tuple[FilmAxis, ...]:
     """The axes of a robot's joints; those of `sprung` revolute joints with torsion springs."""
     number = {body.name: k for k, body in enumerate(bodies)}
     linear, sprung = {joint.name for joint in robot.joints if joint.kind == "prismatic"}, set(sprung)
     return tuple(
-        Axis(
+        FilmAxis(
             name=name,
             body=number[child_link(robot, name)],
             point=(0.0, 0.0, 0.0),

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.system import system_of
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.elements.joint_stops import GearContact
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
-from bellcrank.motion.hermite import smooth_between
+from bellcrank.motion.sampled.hermite import smooth_between
 from bellcrank.notes import reached
 from bellcrank.replays.film.arrows import (
     RunFrames,
@@ -42,22 +42,22 @@ from bellcrank.replays.film.robot_view import (
 )
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.robot.joints import LENGTHS
+from bellcrank.robot.model.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
-from bellcrank.simulation.interpolation import with_jumps
-from bellcrank.simulation.joint_contacts import (
+from bellcrank.simulation.files.run_csv import titled
+from bellcrank.simulation.trajectory.interpolation import with_jumps
+from bellcrank.simulation.trajectory.joint_contacts import (
     impacts_at_stops,
     intervals_at_stops,
     saturated_intervals,
     stuck_intervals,
 )
-from bellcrank.simulation.run_csv import titled
-from bellcrank.simulation.summary import event_consequence, run_facts
+from bellcrank.simulation.trajectory.summary import event_consequence, run_facts
 from bellcrank.version import version
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.events import Event
-    from bellcrank.simulation.trajectory import Trajectory
+    from bellcrank.simulation.trajectory.events import Event
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 MOST_TURN = 1.0  # rad between rows: below it quintics are accurate to 2e-5 of a body's size at a constant rate

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bellcrank.cached_values import cached_property
 from bellcrank.motion.coordinates import continuous, rates
-from bellcrank.motion.quaternions import from_matrices, make_continuous
+from bellcrank.motion.kinematics.quaternions import from_matrices, make_continuous
 from bellcrank.replays.film.decimation import MOST_HALF_TURN, interpolation_error
-from bellcrank.robot.joints import LENGTHS
+from bellcrank.robot.model.joints import LENGTHS
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.catalogue import load_catalogue
+from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.errors import InputError
-from bellcrank.motion.quaternions import from_matrices
+from bellcrank.motion.kinematics.quaternions import from_matrices
 from bellcrank.replays.film.film import BodyLayer, Film
 from bellcrank.replays.film.live_film import live_film, name_of, settled
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
 from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.geometry.shapes import Body, Shape
-from bellcrank.sizing.live_choice import selected_sizing
+from bellcrank.replays.geometry.shapes import DrawnBody, DrawnShape
+from bellcrank.sizing.live.live_choice import selected_sizing
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.gear import Gear
     from bellcrank.actuators.motor import Motor
-    from bellcrank.sizing.live_choice import Choices
+    from bellcrank.sizing.live.live_choice import Choices
     from bellcrank.sizing.result import Sizing
-    from bellcrank.sizing.selection.axis_loads import Axis
+    from bellcrank.sizing.selection.axis_loads import DrivenAxis
     from bellcrank.sizing.selection.selection import Candidate, Selection
 
 Array = NDArray[np.float64]
@@ -92,7 +92,9 @@ def _film(
         mechanism, motions, actuators = sizing.inputs.mechanism, tuple(sizing.inputs.motions), sizing.inputs.actuators
     chosen = [(each, each.chosen) for each in selection.axes if each.chosen is not None]
     usual = usual_size([candidate for _, candidate in chosen])
-    bodies = tuple(Body(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen)
+    bodies = tuple(
+        DrawnBody(axis.axis.mount, tuple(_shapes(candidate, axis.axis, usual))) for axis, candidate in chosen
+    )
     sequence = MotionSequence(mechanism=mechanism, motions=motions, actuators=actuators, more_bodies=bodies)
     film = film_of_motions(sequence, title or f"{selection.robot}: selection", trace, detail, progress)
     links = len(film.bodies) - len(bodies)
@@ -163,7 +165,7 @@ def cylinder_size(product: Motor | Gear, usual: float) -> CylinderSize:
     )
 
 
-def _shapes(candidate: Candidate, axis: Axis, usual: float) -> Iterator[Shape]:
+def _shapes(candidate: Candidate, axis: DrivenAxis, usual: float) -> Iterator[DrawnShape]:
     """The cylinders of a motor and its gear, one behind the other, centred at the mount."""
     products: list[tuple[Motor | Gear, Colour]] = [(candidate.motor, MOTOR_COLOUR)]
     if candidate.gear.kind != "direct":
@@ -175,14 +177,14 @@ def _shapes(candidate: Candidate, axis: Axis, usual: float) -> Iterator[Shape]:
         begin += size.length
 
 
-def _cylinder(size: CylinderSize, begin: float, colour: Colour, axis: Axis) -> Iterator[Shape]:
+def _cylinder(size: CylinderSize, begin: float, colour: Colour, axis: DrivenAxis) -> Iterator[DrawnShape]:
     """A cylinder that begins at a distance (m) from the mount along its axis; in rings if its size is not known."""
     point, direction = np.array(axis.mount_point), np.array(axis.mount_direction)
     parts = 1 if size.known else STRIPES
     height = size.length / (2 * parts - 1)
     for k in range(parts):
         centre = point + direction * (begin + (2 * k + 0.5) * height)
-        yield Shape(
+        yield DrawnShape(
             kind="cylinder",
             size=(0.5 * size.diameter, height),
             colour=colour,
@@ -199,7 +201,7 @@ def _along(direction: Array) -> tuple[float, ...]:
     return tuple(float(value) for value in from_matrices(matrix))
 
 
-def _seen_through(body: Body) -> Body:
+def _seen_through(body: DrawnBody) -> DrawnBody:
     """A body whose shapes let the motors be seen."""
     return replace(
         body, shapes=tuple(replace(s, colour=(*s.colour[:3], min(s.colour[3], LINK_OPACITY))) for s in body.shapes)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.start_diagnosis import APART, Gap
+from bellcrank.dynamics.postures.start_diagnosis import APART, Gap
 from bellcrank.elements.loop_constraints import Loop
-from bellcrank.motion.quaternions import rotate
+from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, scene_rods, scene_springs
 from bellcrank.replays.film.camera import choose_camera, choose_ground
 from bellcrank.replays.film.film import BodyLayer, Film
@@ -20,7 +20,7 @@ from bellcrank.replays.film.robot_view import camera_scene, film_axes, film_bodi
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.placeholder_shapes import pose_along
-from bellcrank.replays.geometry.shapes import IDENTITY, Body, Shape
+from bellcrank.replays.geometry.shapes import IDENTITY, DrawnBody, DrawnShape
 from bellcrank.version import version
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def film_of_start(scene: Scene, posture: Array, gaps: Sequence[Gap], facts: Sequ
     robot = scene.robot
     bodies, notes = film_bodies(robot, "reduced")
     if gaps:
-        bodies = tuple(Body(body.name, tuple(replace(shape, colour=PALE) for shape in body.shapes)) for body in bodies)
+        bodies = tuple(
+            DrawnBody(body.name, tuple(replace(shape, colour=PALE) for shape in body.shapes)) for body in bodies
+        )
     frames = tuple(dict.fromkeys([*(body.name for body in bodies), *element_frames(scene)]))
     trajectory = SampledTrajectory(
         robot=robot,
@@ -89,26 +91,28 @@ def film_of_start(scene: Scene, posture: Array, gaps: Sequence[Gap], facts: Sequ
     )
 
 
-def _gap_bodies(placed: SceneFrames, gaps: Sequence[Gap], thickness: float) -> Iterator[tuple[Gap, Body]]:
+def _gap_bodies(placed: SceneFrames, gaps: Sequence[Gap], thickness: float) -> Iterator[tuple[Gap, DrawnBody]]:
     """The gaps of loops between frames, drawn in the world frame."""
     loops = {constraint.name: constraint for constraint in placed.scene.constraints if isinstance(constraint, Loop)}
     for gap in gaps:
         loop = loops.get(gap.constraint)
         if loop is None:
             continue
-        shapes: list[Shape] = []
+        shapes: list[DrawnShape] = []
         points = []
         for first, colour in ((True, FIRST_SIDE), (False, SECOND_SIDE)):
             point, quaternion = (rows[0] for rows in placed.loop_side(loop, first))
             points.append(point)
-            shapes.append(Shape(kind="sphere", size=(thickness,), colour=colour, pose=pose_along(UP, point)))
+            shapes.append(DrawnShape(kind="sphere", size=(thickness,), colour=colour, pose=pose_along(UP, point)))
             if gap.angle > APART:
                 pin = rotate(quaternion, np.array([0.0, 0.0, 8.0 * thickness]))
                 size = (0.4 * thickness, 8.0 * thickness)
-                shapes.append(Shape(kind="cylinder", size=size, colour=colour, pose=pose_along(pin, point + 0.5 * pin)))
+                shapes.append(
+                    DrawnShape(kind="cylinder", size=size, colour=colour, pose=pose_along(pin, point + 0.5 * pin))
+                )
         between = points[1] - points[0]
         length = float(np.linalg.norm(between))
         if length > APART:
             pose = pose_along(between, 0.5 * (points[0] + points[1]))
-            shapes.append(Shape(kind="cylinder", size=(0.5 * thickness, length), colour=FIRST_SIDE, pose=pose))
-        yield gap, Body(f"gap {gap.constraint}", tuple(shapes))
+            shapes.append(DrawnShape(kind="cylinder", size=(0.5 * thickness, length), colour=FIRST_SIDE, pose=pose))
+        yield gap, DrawnBody(f"gap {gap.constraint}", tuple(shapes))

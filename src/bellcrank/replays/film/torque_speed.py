@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.resampling import ranges
+from bellcrank.motion.sampled.resampling import ranges
 from bellcrank.replays.film.charts import kept_rows
 from bellcrank.replays.film.film import XYPlot
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.joint_sizing import JointSizing
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bellcrank.errors import InputError
 from bellcrank.replays.geometry.colours import GREY, Colour, Textures, clip_colour
 from bellcrank.replays.geometry.mesh_limits import MOST_TEXTURES, MeshError, ReadReferenced, too_many
-from bellcrank.robot.xml_tree import decoded
+from bellcrank.robot.formats.xml_tree import decoded
 
 Array = NDArray[np.float64]
 MOST_POINTS = 50_000_000  # vertices of all instances of a file's meshes

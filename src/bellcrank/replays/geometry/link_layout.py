@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.rotations import from_rpy
+from bellcrank.motion.kinematics.rotations import from_rpy
 
 if TYPE_CHECKING:
-    from bellcrank.robot.urdf_file import Joint, Urdf
+    from bellcrank.robot.formats.urdf_file import Joint, Urdf
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from bellcrank.replays.geometry.mesh_limits import MOST_FACES, MOST_PARTS, MeshE
 from bellcrank.replays.geometry.mesh_simplification import Simplifier, weld
 from bellcrank.replays.geometry.shapes import Mesh
 from bellcrank.replays.geometry.stl_obj_files import mtl_textures, obj_libraries, obj_triangles, stl_triangles
-from bellcrank.robot.mesh_path import find_beside
+from bellcrank.robot.formats.mesh_path import find_beside
 
 # ---- Mesh files (STL, OBJ, COLLADA) as triangles, one part for each colour.
 

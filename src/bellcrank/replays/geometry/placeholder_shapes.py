@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.quaternions import from_matrices
+from bellcrank.motion.kinematics.quaternions import from_matrices
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.link_layout import LinkLayout, transform
-from bellcrank.replays.geometry.shapes import Pose, Shape, triple
+from bellcrank.replays.geometry.shapes import DrawnShape, Pose, triple
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ POINT_RADIUS, THINNEST_BOX = 0.05, 0.01  # of a point mass, and the thinnest edg
 SHORTEST_ROD = 1e-3  # of the scale
 
 
-def placeholder_shapes(layout: LinkLayout, carrier: str, colour: Colour) -> tuple[Shape, ...]:
+def placeholder_shapes(layout: LinkLayout, carrier: str, colour: Colour) -> tuple[DrawnShape, ...]:
     """Shapes for a carrier link of which nothing is drawn, in that link's frame.
 
     Rods go to the joints and links on it, or to its centre of mass if there are none; its own joint is a pin or a
@@ -46,9 +46,9 @@ def placeholder_shapes(layout: LinkLayout, carrier: str, colour: Colour) -> tupl
     return shapes or joint_shapes("fixed", np.zeros(3), scale, colour)
 
 
-def rods(points: Sequence[Array], scale: float, colour: Colour) -> tuple[Shape, ...]:
+def rods(points: Sequence[Array], scale: float, colour: Colour) -> tuple[DrawnShape, ...]:
     """Rods with a ball at the end, from the origin to points (3,) m of a body's frame; `scale` (m) of the robot."""
-    shapes: list[Shape] = []
+    shapes: list[DrawnShape] = []
     ends: list[Array] = []
     for point in points:
         length = float(np.linalg.norm(point))
@@ -62,7 +62,7 @@ def rods(points: Sequence[Array], scale: float, colour: Colour) -> tuple[Shape, 
     return tuple(shapes)
 
 
-def joint_shapes(kind: str, axis: Array, scale: float, colour: Colour) -> tuple[Shape, ...]:
+def joint_shapes(kind: str, axis: Array, scale: float, colour: Colour) -> tuple[DrawnShape, ...]:
     """A joint at a body's origin: a pin along a revolute joint's or screw's axis, a box along a prismatic joint's."""
     if kind in ("revolute", "continuous", "screw"):
         size = (PIN_RADIUS * scale, PIN_LENGTH * scale)
@@ -73,7 +73,7 @@ def joint_shapes(kind: str, axis: Array, scale: float, colour: Colour) -> tuple[
     return (_placeholder("sphere", (PIN_RADIUS * scale,), colour, pose(np.eye(3), np.zeros(3))),)
 
 
-def inertia_box(mass: float, inertia: Array, centre: Array, scale: float, colour: Colour) -> Shape:
+def inertia_box(mass: float, inertia: Array, centre: Array, scale: float, colour: Colour) -> DrawnShape:
     """The uniform box of a mass (kg) and inertia (3, 3) kg m², at the transform (4, 4) of its centre and axes.
 
     Its edges follow from the principal moments m (b² + c²)/12 and so on. A body without inertia is a small sphere,
@@ -90,8 +90,8 @@ def inertia_box(mass: float, inertia: Array, centre: Array, scale: float, colour
 
 def _placeholder(
     kind: Literal["box", "cylinder", "sphere"], size: tuple[float, ...], colour: Colour, at: Pose
-) -> Shape:
-    return Shape(kind=kind, size=size, colour=colour, pose=at, placeholder=True)
+) -> DrawnShape:
+    return DrawnShape(kind=kind, size=size, colour=colour, pose=at, placeholder=True)
 
 
 def pose(rotation: Array, position: Array) -> Pose:

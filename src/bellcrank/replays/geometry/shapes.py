@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.motion.quaternions import rotate
+from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.replays.geometry.colours import Colour
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shape:
+class DrawnShape:
     """One solid of a body, at a `pose` in the body's frame.
 
     `size` is (x, y, z) of a box, (radius, length along z) of a cylinder, (radius,) of a sphere, and the scale along x,
@@ -53,11 +53,11 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Body:
+class DrawnBody:
     """Shapes that move together with the link or frame of this name."""
 
     name: str
-    shapes: tuple[Shape, ...]
+    shapes: tuple[DrawnShape, ...]
 
 
 def triple(vector: Array) -> Triple:
@@ -69,7 +69,7 @@ def triple(vector: Array) -> Triple:
 # ---- bounding boxes
 
 
-def bounding_boxes(bodies: Sequence[Body]) -> list[Array]:
+def bounding_boxes(bodies: Sequence[DrawnBody]) -> list[Array]:
     """Corners (8, 3) m, in each body's frame, of a box around all its shapes; the origin for a body without shapes."""
     meshes: dict[int, tuple[Array, Array]] = {}
     return [_box_around([_shape_corners(shape, meshes) for shape in body.shapes]) for body in bodies]
@@ -80,7 +80,7 @@ def body_radii(corners: Sequence[Array]) -> Array:
     return np.array([np.linalg.norm(box, axis=1).max() for box in corners])
 
 
-def outlines(bodies: Sequence[Body]) -> list[Array]:
+def outlines(bodies: Sequence[DrawnBody]) -> list[Array]:
     """The points (98, 3) m of each body, in its frame, that are farthest in as many directions: closer than its box."""
     return [_farthest(np.concatenate([np.zeros((0, 3)), *map(_surface_points, body.shapes)])) for body in bodies]
 
@@ -92,7 +92,7 @@ def _farthest(points: Array) -> Array:
     return np.asarray(points[np.argmax(points / np.where(extent > 0.0, extent, 1.0) @ DIRECTIONS.T, axis=0)])
 
 
-def _surface_points(shape: Shape) -> Array:
+def _surface_points(shape: DrawnShape) -> Array:
     """Points (k, 3) m in the body's frame, among which are those of a shape that are farthest in any direction."""
     size = np.array(shape.size, dtype=np.float64)
     if shape.kind == "mesh":
@@ -122,7 +122,7 @@ def _box_around(boxes: list[Array]) -> Array:
     return np.asarray(0.5 * (low + high) + 0.5 * CORNERS * (high - low))
 
 
-def _shape_corners(shape: Shape, meshes: dict[int, tuple[Array, Array]]) -> Array:
+def _shape_corners(shape: DrawnShape, meshes: dict[int, tuple[Array, Array]]) -> Array:
     """Corners (8, 3) m of a box around a shape, in its body's frame; `meshes` caches the extents of meshes."""
     middle, size = np.zeros(3), np.array(shape.size, dtype=np.float64)
     if shape.kind == "mesh":

@@ -11,12 +11,12 @@ import numpy as np
 from bellcrank.config.numbers import decimal_number
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, read_bytes
-from bellcrank.motion.rotations import from_rpy
+from bellcrank.motion.kinematics.rotations import from_rpy
 from bellcrank.replays.geometry.colours import GREY, Colour, Textures, clip_colour
 from bellcrank.replays.geometry.placeholder_shapes import pose
-from bellcrank.replays.geometry.shapes import Pose, Shape
-from bellcrank.robot.mesh_path import find_mesh
-from bellcrank.robot.xml_tree import Element
+from bellcrank.replays.geometry.shapes import DrawnShape, Pose
+from bellcrank.robot.formats.mesh_path import find_mesh
+from bellcrank.robot.formats.xml_tree import XmlElement
 
 LARGEST = 1e6  # m: larger sizes are errors
 MOST_TEXTURE = 64 * 2**20  # bytes
@@ -27,7 +27,7 @@ UNCOLOURED: Colour = (*GREY[:3], -1.0)  # marks a shape that the URDF gives no c
 class UrdfShape:
     """The shape of an element (UNCOLOURED if the URDF gives no colour); for a mesh, its name, and its file if found."""
 
-    shape: Shape
+    shape: DrawnShape
     mesh: str = ""
     path: Path | None = None
 
@@ -38,7 +38,7 @@ class UrdfShapeReader:
     `notes` collects what could not be read. `access` says which files the URDF may name; default: those near it.
     """
 
-    def __init__(self, root: Element, source: Path, access: FileAccess | None = None) -> None:
+    def __init__(self, root: XmlElement, source: Path, access: FileAccess | None = None) -> None:
         self.access = FileAccess.of(source.resolve()) if access is None else access
         self.source, self.notes, self.textured = source, list[str](), False
         self.textures = Textures(self._texture)
@@ -50,7 +50,7 @@ class UrdfShapeReader:
             if colour is not None:
                 self.materials[element.attributes["name"].strip()] = colour
 
-    def shapes(self, link: Element, tag: str) -> tuple[UrdfShape, ...]:
+    def shapes(self, link: XmlElement, tag: str) -> tuple[UrdfShape, ...]:
         """The shapes of a link's elements of a tag, "visual" or "collision"; invalid ones are left out, with a note."""
         found = []
         for element in link.find_all(tag):
@@ -61,7 +61,7 @@ class UrdfShapeReader:
                 self.notes.append(f"link '{name}', <{tag}> (line {element.line}) is not drawn: {error}")
         return tuple(found)
 
-    def _element_shapes(self, element: Element) -> list[UrdfShape]:
+    def _element_shapes(self, element: XmlElement) -> list[UrdfShape]:
         geometry, origin = element.find("geometry"), element.find("origin")
         if geometry is None or not geometry.children:
             raise ValueError("it has no geometry")
@@ -91,18 +91,18 @@ class UrdfShapeReader:
                 raise ValueError("its mesh has no filename" if not name else "its mesh has a scale of 0")
             if name not in self.paths:
                 self.paths[name] = find_mesh(name, self.source, self.access)
-            shape = Shape(kind="mesh", size=scale, colour=colour, pose=where)
+            shape = DrawnShape(kind="mesh", size=scale, colour=colour, pose=where)
             return [UrdfShape(shape, name, self.paths[name])]
         raise ValueError(f"unknown geometry <{solid.tag[:30]}>")
 
-    def _colour(self, material: Element | None) -> Colour:
+    def _colour(self, material: XmlElement | None) -> Colour:
         """The colour of a visual's own material, or of the material of that name elsewhere in the file."""
         if material is None:
             return UNCOLOURED
         own = self._own_colour(material)
         return own or self.materials.get(material.attributes.get("name", "").strip(), UNCOLOURED)
 
-    def _own_colour(self, material: Element) -> Colour | None:
+    def _own_colour(self, material: XmlElement) -> Colour | None:
         colour, texture = material.find("color"), material.find("texture")
         if colour is not None:
             try:
@@ -129,7 +129,7 @@ class UrdfShapeReader:
 def _shape(
     kind: Literal["box", "cylinder", "sphere"], size: tuple[float, ...], colour: Colour, where: Pose
 ) -> UrdfShape:
-    return UrdfShape(Shape(kind=kind, size=size, colour=colour, pose=where))
+    return UrdfShape(DrawnShape(kind=kind, size=size, colour=colour, pose=where))
 
 
 def _numbers(text: str, count: int | None) -> tuple[float, ...]:

@@ -14,10 +14,10 @@ from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.link_layout import LinkLayout, transform
 from bellcrank.replays.geometry.meshes import Detail, Meshes, load_meshes
 from bellcrank.replays.geometry.placeholder_shapes import inertia_box, placeholder_shapes
-from bellcrank.replays.geometry.shapes import Body, Shape
+from bellcrank.replays.geometry.shapes import DrawnBody, DrawnShape
 from bellcrank.replays.geometry.urdf_shapes import UNCOLOURED, UrdfShape, UrdfShapeReader
-from bellcrank.robot.mesh_path import looked_for
-from bellcrank.robot.xml_tree import parse_xml
+from bellcrank.robot.formats.mesh_path import looked_for
+from bellcrank.robot.formats.xml_tree import parse_xml
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
@@ -39,7 +39,7 @@ PAYLOAD_COLOUR: Colour = (0.55, 0.42, 0.30, 1.0)
 
 def robot_bodies(
     robot: Robot, detail: Detail = "reduced", progress: Callable[[float], None] = lambda share: None
-) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+) -> tuple[tuple[DrawnBody, ...], tuple[str, ...]]:
     """The bodies of a robot, each named after the frame that carries it, in the order of the frames; and notes.
 
     Bodies are links with visuals, payloads, and links of which only joints, collision shapes or inertia are known;
@@ -55,7 +55,7 @@ def robot_bodies(
     meshes = _load_meshes(urdf_shapes, layout.size, detail, progress, robot.mesh_access)
     colours = _link_colours(layout)
 
-    def drawn(source: LinkShapes) -> dict[str, tuple[Shape, ...]]:
+    def drawn(source: LinkShapes) -> dict[str, tuple[DrawnShape, ...]]:
         return {link: tuple(s for d in source[link] for s in _shapes(d, meshes, colours[link])) for link in source}
 
     shapes = drawn(urdf_shapes)
@@ -83,7 +83,7 @@ def robot_bodies(
     notes = [*reader.notes, *_file_notes(urdf_shapes, meshes, robot), *_simplification_notes(urdf_shapes, meshes)]
     if reader.textured:
         notes.append("textures are shown as their mean colours")
-    return tuple(Body(name, shapes[name]) for name in names), tuple(notes)
+    return tuple(DrawnBody(name, shapes[name]) for name in names), tuple(notes)
 
 
 def _load_meshes(
@@ -96,7 +96,7 @@ def _load_meshes(
     return load_meshes(uses, size, detail, progress, access)
 
 
-def _shapes(urdf_shape: UrdfShape, meshes: Meshes, colour: Colour) -> Iterable[Shape]:
+def _shapes(urdf_shape: UrdfShape, meshes: Meshes, colour: Colour) -> Iterable[DrawnShape]:
     """The shape of a URDF element with its colour, or one for each part of its mesh; none if the mesh is missing."""
     shape = urdf_shape.shape
     if not urdf_shape.mesh:
@@ -107,7 +107,7 @@ def _shapes(urdf_shape: UrdfShape, meshes: Meshes, colour: Colour) -> Iterable[S
         yield replace(shape, mesh=part.mesh, colour=own)
 
 
-def _extent(shape: Shape) -> float:
+def _extent(shape: DrawnShape) -> float:
     """The largest extent of a shape along one of its own axes (m)."""
     if shape.mesh is not None:
         return float((np.ptp(shape.mesh.vertices, axis=0) * np.abs(shape.size)).max())
@@ -116,7 +116,7 @@ def _extent(shape: Shape) -> float:
 
 
 def _links_without_shapes(
-    layout: LinkLayout, shapes: Mapping[str, tuple[Shape, ...]], lost: Collection[str]
+    layout: LinkLayout, shapes: Mapping[str, tuple[DrawnShape, ...]], lost: Collection[str]
 ) -> dict[str, list[str]]:
     """Links to draw by other means, by carrier: all its links if none has a shape, else those of `lost` without one."""
     found = {}

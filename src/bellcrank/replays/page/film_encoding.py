@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from bellcrank.errors import InputError
-from bellcrank.motion.quaternions import make_continuous
-from bellcrank.motion.resampling import SHARE as VALUE_TOLERANCE
+from bellcrank.motion.kinematics.quaternions import make_continuous
+from bellcrank.motion.sampled.resampling import SHARE as VALUE_TOLERANCE
 from bellcrank.replays.film.arrow_scale import ArrowScale, arrow_scales
-from bellcrank.replays.film.film import Axis, Chart, Film, Trace, XYPlot, check_film
-from bellcrank.replays.geometry.shapes import Mesh, Shape
+from bellcrank.replays.film.film import Chart, Film, FilmAxis, Trace, XYPlot, check_film
+from bellcrank.replays.geometry.shapes import DrawnShape, Mesh
 from bellcrank.replays.page.array_encoding import ArrayEncoder, ArrayReference
 
 ROUNDING = 0.1  # of the film's error bound: the error that rounding may add at any point
@@ -104,7 +104,7 @@ def reach_of(film: Film) -> float:
     return reach
 
 
-def _radius(shape: Shape, radii: dict[int, float]) -> float:
+def _radius(shape: DrawnShape, radii: dict[int, float]) -> float:
     """The largest distance of a shape's points from its own origin (m); `radii` caches those of meshes."""
     if shape.kind == "mesh":
         if shape.mesh is None:
@@ -121,7 +121,7 @@ def _radius(shape: Shape, radii: dict[int, float]) -> float:
 # ---- parts
 
 
-def _shape(shape: Shape, meshes: dict[int, tuple[int, Mesh]]) -> dict[str, Any]:
+def _shape(shape: DrawnShape, meshes: dict[int, tuple[int, Mesh]]) -> dict[str, Any]:
     number = None
     if shape.mesh is not None:
         number = meshes.setdefault(id(shape.mesh), (len(meshes), shape.mesh))[0]
@@ -175,7 +175,7 @@ def _arrow(arrays: ArrayEncoder, film: Film, number: int, step: float, scales: l
     }
 
 
-def _axis(axis: Axis) -> dict[str, Any]:
+def _axis(axis: FilmAxis) -> dict[str, Any]:
     return {
         "name": axis.name,
         "body": axis.body,

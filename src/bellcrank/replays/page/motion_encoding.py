@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bellcrank.motion.quaternions import make_continuous
-from bellcrank.replays.film.design_film import DesignMotion
+from bellcrank.motion.kinematics.quaternions import make_continuous
+from bellcrank.replays.film.design_film import FilmedMotion
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.page.array_encoding import ArrayEncoder
 from bellcrank.replays.page.film_encoding import reach_of, rounding_of
@@ -16,7 +16,7 @@ from bellcrank.replays.page.film_encoding import reach_of, rounding_of
 UNSTRETCHED = 1e-9
 
 
-def encode_motions(film: Film, motions: Sequence[DesignMotion], arrays: ArrayEncoder) -> list[dict[str, Any]]:
+def encode_motions(film: Film, motions: Sequence[FilmedMotion], arrays: ArrayEncoder) -> list[dict[str, Any]]:
     """Motions as `showMotion` of the page's view takes them, with references to arrays.
 
     Positions and rotations are rounded as those of the film.

@@ -37,7 +37,7 @@ class AddedMass:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class DrivenAxis:
     """What a motor and gear drive: a joint, or one motor coordinate of a coupled transmission.
 
     Attributes:
@@ -137,7 +137,7 @@ class AxisLoads:
         warnings: Sentences about transitions that are not included.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[DrivenAxis, ...]
     cycles: tuple[LoadCycle, ...]
     influence: NDArray[np.bool_]
     terms: tuple[CycleTerms, ...]
@@ -161,7 +161,7 @@ class AxisLoads:
         Example:
             >>> import bellcrank as bc
             >>> from bellcrank.sizing.selection.axis_loads import AddedMass
-            >>> from bellcrank.dynamics.mechanism import mechanism_of
+            >>> from bellcrank.dynamics.inverse.mechanism import mechanism_of
             >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
             >>> arm = bc.load_robot("planar_2r", gravity=(0, -9.81, 0))
             >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])

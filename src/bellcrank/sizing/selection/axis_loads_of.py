@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, checked_transmissions
 from bellcrank.actuators.mount import Mount, checked_mounts
-from bellcrank.dynamics.force_table_breakpoints import with_force_rows
-from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.coupled_axes import axis_coordinates, of_axes
-from bellcrank.sizing.finite_checks import refuse_non_finite
-from bellcrank.sizing.selection.axis_loads import AddedMass, Axis, AxisLoads, CycleTerms, LoadCycle
+from bellcrank.sizing.loads.coupled_axes import axis_coordinates, of_axes
+from bellcrank.sizing.loads.finite_checks import refuse_non_finite
+from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, CycleTerms, DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
 from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles
@@ -65,7 +65,7 @@ def axis_loads(
 
     Example:
         >>> import bellcrank as bc
-        >>> from bellcrank.dynamics.mechanism import mechanism_of
+        >>> from bellcrank.dynamics.inverse.mechanism import mechanism_of
         >>> from bellcrank.sizing.selection.axis_loads_of import axis_loads
         >>> arm = bc.load_robot("planar_2r")
         >>> motion = bc.waypoints(arm, [0.0, 1.0], [{}, {"elbow": 1.0}])
@@ -103,7 +103,7 @@ def axis_loads(
         _shafts(given, coupled.matrix),
     )
     axes = tuple(
-        Axis(
+        DrivenAxis(
             name=body.name,
             kind=kind,
             joints=joints,

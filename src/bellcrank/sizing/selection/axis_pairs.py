@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.actuator_masses import Bodies, bodies_of
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -32,14 +32,16 @@ class AxisPairs:
         kept: Whether the axis's pair was given.
     """
 
-    axis: Axis
+    axis: DrivenAxis
     pairs: Pairs
     bodies: Bodies
     cost: Array
     kept: bool
 
 
-def axis_pairs(axes: Sequence[Axis], catalogues: Sequence[Catalogue], keep: Mapping[str, str]) -> tuple[AxisPairs, ...]:
+def axis_pairs(
+    axes: Sequence[DrivenAxis], catalogues: Sequence[Catalogue], keep: Mapping[str, str]
+) -> tuple[AxisPairs, ...]:
     """The pairs of each axis.
 
     Args:
@@ -73,7 +75,7 @@ def axis_pairs(axes: Sequence[Axis], catalogues: Sequence[Catalogue], keep: Mapp
     return tuple(found)
 
 
-def _kept(axis: Axis, motors: Sequence[Motor], gears: Sequence[Gear], given: str) -> AxisPairs:
+def _kept(axis: DrivenAxis, motors: Sequence[Motor], gears: Sequence[Gear], given: str) -> AxisPairs:
     """The pairs of an axis whose motor, or motor and gear, is given. Raises InputError."""
     where = f"argument 'keep': axis '{axis.name}'"
     motor_id, plus, gear_id = (part.strip() for part in given.partition("+"))
@@ -97,7 +99,7 @@ def _kept(axis: Axis, motors: Sequence[Motor], gears: Sequence[Gear], given: str
     return _with_figures(axis, pairs, kept=True)
 
 
-def _with_figures(axis: Axis, pairs: Pairs, kept: bool) -> AxisPairs:
+def _with_figures(axis: DrivenAxis, pairs: Pairs, kept: bool) -> AxisPairs:
     products = pairs.products
     return AxisPairs(
         axis=axis,

@@ -7,8 +7,8 @@ force and moment (Newton and Euler)
 
 that is the joint forces Q = J_vᵀ F + J_ωᵀ M, and adds m J_vᵀ J_v + J_ωᵀ (I_a z zᵀ + I_t (1 − z zᵀ)) J_ω to the mass
 matrix. All of these are linear in m, I_a and I_t, and so are the torques of motors (those of a linkage by
-dynamics/closed_inverse_dynamics.py), the multipliers of constraints and the wrenches through joints. The rotor's spin
-relative to its housing has no gyroscopic effect here: only its reflected inertia counts, with the pair.
+dynamics/inverse/closed_inverse_dynamics.py), the multipliers of constraints and the wrenches through joints. The
+rotor's spin relative to its housing has no gyroscopic effect here: only its reflected inertia counts, with the pair.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.mechanism import Mechanism
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.numerics import products
 from bellcrank.sizing.selection.mounted_bodies import BodyMotion, MountedBody, MountKinematics, States
-from bellcrank.sizing.selection.tree_motion import JointMotion
+from bellcrank.sizing.selection.tree_kinematics import JointMotion
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.actuators.catalogue import Catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.criteria import Criterion, lacks

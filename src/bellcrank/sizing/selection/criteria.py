@@ -21,7 +21,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.config.units import RPM
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -113,11 +113,11 @@ class Criterion(ABC):
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """A sentence about one pair in one cycle."""
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Whether (m,) the criterion has a limit for each pair; otherwise it is a note."""
         return np.ones(len(pairs), dtype=bool)
 
-    def applies(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def applies(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Whether (m,) the criterion is judged for each pair, and not left to the user by ratings."""
         judged = self.judged(pairs, axis, conditions)
         return judged if self.of_ratings else np.asarray(judged & (pairs.of_motor("by_ratings") == 0.0))
@@ -201,7 +201,7 @@ class Criterion(ABC):
         return "not stated: " + ", ".join(lacking) if lacking else "not known from what is stated"
 
 
-class Bound(NamedTuple):
+class UseBound(NamedTuple):
     """What an unknown limit is not below, or not above: a name, and the fields whose largest known value it is."""
 
     name: str
@@ -224,8 +224,8 @@ class LimitCriterion(Criterion):
     limit_name: ClassVar[str]
     unit: ClassVar[str]
     stated: ClassVar[str]
-    lower_bound: ClassVar[Bound | None] = None
-    upper_bound: ClassVar[Bound | None] = None
+    lower_bound: ClassVar[UseBound | None] = None
+    upper_bound: ClassVar[UseBound | None] = None
 
     @abstractmethod
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
 from bellcrank.motion.coordinates import continuous, position_labels, velocity_labels
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import AT_REST, NOISE, POSITION_GAP, Motion
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 _LEFT_OUT = "the transition is not included in the loads"

@@ -14,8 +14,8 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.config.units import RPM
 from bellcrank.numerics import floats
-from bellcrank.sizing.selection.axis_loads import Axis
-from bellcrank.sizing.selection.criteria import Array, Bools, Bound, LimitCriterion, exceeds, figure, share, within
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
+from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, UseBound, exceeds, figure, share, within
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -27,7 +27,7 @@ class GearCriterion(LimitCriterion):
 
     of_gear = True
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs with a gear."""
         return pairs.with_gear
 
@@ -52,8 +52,8 @@ class GearAverageTorque(GearCriterion):
     limit_name = "limit of the gear's average torque"
     unit = "axis torque"
     stated = "gear.average_torque"
-    lower_bound: ClassVar[Bound] = Bound("rated torque", ("gear.rated_torque",))  # which may act all the time
-    upper_bound: ClassVar[Bound] = Bound(
+    lower_bound: ClassVar[UseBound] = UseBound("rated torque", ("gear.rated_torque",))  # which may act all the time
+    upper_bound: ClassVar[UseBound] = UseBound(
         "limit of repeated peaks", ("gear.repeated_peak_torque",)
     )  # which may act at times only
 
@@ -110,8 +110,8 @@ class GearRepeatedPeak(GearCriterion):
     unit = "axis torque"
     stated = "gear.repeated_peak_torque"
     # What may act all the time may act as a peak; the momentary torque is not for repetition.
-    lower_bound = Bound("limit of the average torque", ("gear.average_torque", "gear.rated_torque"))
-    upper_bound = Bound("limit of momentary torque", ("gear.momentary_torque",))
+    lower_bound = UseBound("limit of the average torque", ("gear.average_torque", "gear.rated_torque"))
+    upper_bound = UseBound("limit of momentary torque", ("gear.momentary_torque",))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest load torque."""
@@ -129,9 +129,9 @@ class GearMomentaryTorque(GearCriterion):
     limit_name = "limit of momentary torque"
     unit = "axis torque"
     stated = "gear.momentary_torque"
-    lower_bound = Bound("limit of repeated peaks", ("gear.repeated_peak_torque",))
+    lower_bound = UseBound("limit of repeated peaks", ("gear.repeated_peak_torque",))
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs with a gear, where the conditions name a momentary load of the axis."""
         given = axis.name in dict(conditions.momentary_loads)
         return np.asarray(pairs.with_gear & given)
@@ -159,8 +159,8 @@ class GearAverageSpeed(GearCriterion):
     limit_name = "limit of the gear's average input speed"
     unit = "rpm"
     stated = "gear.average_speed"
-    lower_bound = Bound("rated speed", ("gear.rated_speed",))  # at which the rated life is given
-    upper_bound = Bound("largest input speed", ("gear.max_speed",))
+    lower_bound = UseBound("rated speed", ("gear.rated_speed",))  # at which the rated life is given
+    upper_bound = UseBound("largest input speed", ("gear.max_speed",))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Mean input speed."""
@@ -178,7 +178,7 @@ class GearMaxSpeed(GearCriterion):
     limit_name = "limit of the gear's input speed"
     unit = "rpm"
     stated = "gear.max_speed"
-    lower_bound = Bound("limit of the average speed", ("gear.average_speed", "gear.rated_speed"))
+    lower_bound = UseBound("limit of the average speed", ("gear.average_speed", "gear.rated_speed"))
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest input speed."""
@@ -200,7 +200,7 @@ class GearLife(GearCriterion):
     limit_name = "L10 life"
     unit = "h"
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs with a gear, where hours are required."""
         return np.asarray(pairs.with_gear & (conditions.life is not None))
 
@@ -261,7 +261,7 @@ class BearingCriterion(LimitCriterion):
         """The limit that the gear states; without a gear, the motor and gear sold as one."""
         return self._stated(pairs)
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs with a stated limit."""
         return np.asarray(~np.isnan(self._stated(pairs)))
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, CriterionResult, cycles_of, exceeds
 from bellcrank.sizing.selection.gear_criteria import (
     AxialLoad,
@@ -47,15 +47,15 @@ from bellcrank.sizing.selection.thermal_criteria import HousingTemperature, Wind
 ARC_MINUTES = 60.0 * 180.0 / math.pi
 
 
-class Note(Criterion):
+class NoteCriterion(Criterion):
     """A figure without a limit."""
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """No pair."""
         return np.zeros(len(pairs), dtype=bool)
 
 
-class Resonance(Note):
+class Resonance(NoteCriterion):
     """The lowest natural frequencies of rotor and load on the gear's stiffness.
 
     With the rotor held it is √(K/J_load)/2π; with a free rotor √(K (1/J_load + 1/(N² (J_rotor + J_gear))))/2π.
@@ -80,7 +80,7 @@ class Resonance(Note):
         return f"{held:.3g} Hz with the rotor held, {free:.3g} Hz free, at the largest inertia in '{cycle.name}'"
 
 
-class AxisError(Note):
+class AxisError(NoteCriterion):
     """Backlash and wind-up of the gear at the axis, and what they are at a distance of 1 m."""
 
     name = "error at the axis"

@@ -22,7 +22,7 @@ from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge, verdicts
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, Verdicts, rank_keys
+from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, PairVerdicts, RankKeys, rank_keys
 
 Objective = Literal["mass", "cost", "loss", "margin"]
 Array = NDArray[np.float64]
@@ -171,7 +171,7 @@ class JudgedAxes:
     def _rank(self, axis: int, judgement: Judgement, rows: Indices | slice = slice(None)) -> RankKeys:
         main = np.array([criterion.name in MAIN for criterion in judgement.criteria])
         return rank_keys(
-            Verdicts(
+            PairVerdicts(
                 tier=judgement.tier,
                 main_unknown=(judgement.verdict[main] == UNKNOWN).sum(axis=0).astype(np.int8),
                 objective=self.objective_values(axis, judgement, rows),

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.dynamics.force_table_breakpoints import force_breaks
-from bellcrank.dynamics.mechanism import Mechanism, coulomb_widths
+from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.maxima import maxima
-from bellcrank.sizing.motion_grid import coarse_grid_along, reversal_times, with_probes
+from bellcrank.sizing.loads.maxima import maxima
+from bellcrank.sizing.loads.motion_grid import coarse_grid_along, reversal_times, with_probes
 from bellcrank.sizing.selection.mounted_bodies import States
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def planned_cycles(
 
 
 def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Shafts | None = None) -> CyclePart:
-    """A motion on the grid of sizing/motion_grid.py, with the times of its largest torques, speeds and powers."""
+    """A motion on the grid of sizing/loads/motion_grid.py, with the times of its largest torques, speeds and powers."""
     columns = [joint.v for joint in mechanism.motors]
 
     def squared(t: Array, q: Array, v: Array, a: Array) -> Array:

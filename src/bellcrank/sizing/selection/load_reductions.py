@@ -23,7 +23,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains, motoring
 from bellcrank.cached_values import cached_property
-from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
 from bellcrank.sizing.selection.sample_blocks import Blocks
 
@@ -70,7 +70,7 @@ class ReducedCycle:
             rotor included, which `shaft_loads.coefficients` contain; the features are without it.
     """
 
-    axis: Axis
+    axis: DrivenAxis
     name: str
     duration: float
     time: Array
@@ -273,7 +273,7 @@ class ReducedLoads:
         cycles: Its cycles; the worst one counts.
     """
 
-    axis: Axis
+    axis: DrivenAxis
     cycles: tuple[ReducedCycle, ...]
     _scaled: dict[float, ReducedLoads] = field(default_factory=dict, init=False, repr=False)
     _through: dict[Gear, tuple[ReducedCycle, ...]] = field(default_factory=dict, init=False, repr=False)
@@ -302,7 +302,7 @@ def features_of(torque: Array, speed: Array, acceleration: Array) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> ReducedCycle:
+def reduce_cycle(cycle: LoadCycle, axes: tuple[DrivenAxis, ...], number: int) -> ReducedCycle:
     """One axis (its number) of a load cycle, ready for criteria.
 
     Args:
@@ -332,7 +332,7 @@ def reduce_cycle(cycle: LoadCycle, axes: tuple[Axis, ...], number: int) -> Reduc
     )
 
 
-def reduce_loads(axes: tuple[Axis, ...], cycles: tuple[LoadCycle, ...]) -> tuple[ReducedLoads, ...]:
+def reduce_loads(axes: tuple[DrivenAxis, ...], cycles: tuple[LoadCycle, ...]) -> tuple[ReducedLoads, ...]:
     """The loads of every axis, reduced."""
     return tuple(
         ReducedLoads(axis=axis, cycles=tuple(reduce_cycle(cycle, axes, number) for cycle in cycles))

@@ -12,7 +12,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
 from bellcrank.actuators.short_time_limits import voltage_limit_source
 from bellcrank.config.units import RPM
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.criteria import (
     AT_LEAST,
     FRICTION,
@@ -20,9 +20,9 @@ from bellcrank.sizing.selection.criteria import (
     TORQUE_CONSTANT,
     Array,
     Bools,
-    Bound,
     Criterion,
     LimitCriterion,
+    UseBound,
     alternatives,
     exceeds,
     figure,
@@ -64,7 +64,7 @@ class MotorSpeed(LimitCriterion):
     limit_name = "largest permitted speed"
     unit = "rpm"
     stated = "motor.max_speed"
-    lower_bound = Bound("nominal speed", ("motor.nominal_speed",))  # at which the motor may run all the time
+    lower_bound = UseBound("nominal speed", ("motor.nominal_speed",))  # at which the motor may run all the time
 
     def demand(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
         """Largest speed of the shaft."""
@@ -125,9 +125,9 @@ class PeakTorque(LimitCriterion):
     limit_name = "peak torque"
     unit = "N m"
     stated = "motor.peak_torque"
-    lower_bound = Bound("nominal torque", ("motor.nominal_torque",))  # which may act all the time
+    lower_bound = UseBound("nominal torque", ("motor.nominal_torque",))  # which may act all the time
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs but those whose motor states a peak current instead."""
         stated, current = pairs.of_motor("peak_torque"), pairs.of_motor("peak_electrical_torque")
         return np.asarray(~np.isnan(stated) | np.isnan(current))
@@ -158,7 +158,7 @@ class PeakCurrent(LimitCriterion):
     unit = "N m"
     stated = "motor.peak_electrical_torque"
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs whose motor states a peak current."""
         return np.asarray(~np.isnan(pairs.of_motor("peak_electrical_torque")))
 
@@ -266,7 +266,7 @@ class HoldingBrake(LimitCriterion):
     unit = "N m"
     stated = "motor.brake_torque"
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """All pairs, where a brake is asked for."""
         return np.full(len(pairs), conditions.brake)
 

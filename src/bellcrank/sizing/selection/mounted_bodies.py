@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.sizing.selection.tree_motion import JointMotion, TreeMotion
+from bellcrank.sizing.selection.tree_kinematics import JointMotion, TreeMotion
 
 if TYPE_CHECKING:
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 

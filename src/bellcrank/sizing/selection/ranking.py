@@ -30,7 +30,7 @@ ALL_SHOWN, PASSES_KNOWN, FAILS = range(3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdicts:
+class PairVerdicts:
     """Verdicts on m pairs under one set of loads, in the order of their ids.
 
     Attributes:
@@ -46,7 +46,7 @@ class Verdicts:
     use: Array
 
 
-def rank_keys(verdicts: Verdicts) -> RankKeys:
+def rank_keys(verdicts: PairVerdicts) -> RankKeys:
     """The keys (m, 6) by which pairs are ranked: the smaller one comes first, compared column by column."""
     unknown = np.isnan(verdicts.objective)
     return np.column_stack(

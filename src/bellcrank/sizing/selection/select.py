@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast, get_args
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.catalogue import Catalogue, load_catalogue
+from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.actuators.gear import DIRECT
@@ -19,18 +19,18 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.duty_program import checked_duty
 from bellcrank.notes import reached
-from bellcrank.robot.payload import Payload
+from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_of
-from bellcrank.sizing.massless_motors import refuse_massless
+from bellcrank.sizing.loads.massless_motors import refuse_massless
+from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.motion_peaks import undetermined_peaks
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose, selection_of
 from bellcrank.sizing.selection.joint_problem import Choice
 from bellcrank.sizing.selection.judged_axes import JudgedAxes, Objective
 from bellcrank.sizing.selection.selection import Selection, SelectionInputs
-from bellcrank.sizing.subject import OneMotion, SizingSubject, override_notes, sizing_subject
+from bellcrank.sizing.sizing_subject import OneMotion, SizingSubject, override_notes, sizing_subject
 from bellcrank.terminal.progress import counting
 
 if TYPE_CHECKING:

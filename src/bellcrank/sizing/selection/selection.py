@@ -17,7 +17,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
-from bellcrank.sizing.selection.axis_loads import Axis, LoadCycle
+from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.judge import Tier
 from bellcrank.sizing.selection.judged_axes import Objective
@@ -25,8 +25,8 @@ from bellcrank.sizing.selection.judged_axes import Objective
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bellcrank.actuators.catalogue import Catalogue
-    from bellcrank.dynamics.mechanism import Mechanism
+    from bellcrank.actuators.catalogue.catalogue import Catalogue
+    from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.duty_program import DutyStep
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.robot_config import RobotConfig
@@ -91,7 +91,7 @@ class AxisSelection:
         kept: Whether the pair was given.
     """
 
-    axis: Axis
+    axis: DrivenAxis
     chosen: Candidate | None
     candidates: tuple[Candidate, ...]
     counts: Sequence[tuple[Tier, int]]

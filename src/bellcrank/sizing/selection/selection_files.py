@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bellcrank.actuators.catalogue.product_fields import product_data
 from bellcrank.actuators.conditions import BY_NAME, Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_fields import product_data
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.access import read_text

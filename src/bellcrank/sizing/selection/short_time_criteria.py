@@ -14,7 +14,7 @@ from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.actuators.product_arrays import Curves
 from bellcrank.actuators.short_time_limits import peak_curve_use
 from bellcrank.numerics import floats
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
@@ -39,7 +39,7 @@ class PeakCurve(Criterion):
     source = "the motor's data sheet"
     needs = alternatives(SHAFT, (("motor.peak_curve",),))
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs whose motor has such a curve."""
         return np.asarray(pairs.products.motor_arrays.peak_curve.known[pairs.motor])
 
@@ -92,7 +92,7 @@ class PeakCurve(Criterion):
         return f"{'at least ' if unknown else ''}{use:.1%} of the {curve} in '{cycle.name}'"
 
 
-class Sides(NamedTuple):
+class ShortTimeSides(NamedTuple):
     """The sides a |T| + b |ω| ≤ 1 of the regions under curves of torque over speed.
 
     Attributes:
@@ -106,7 +106,7 @@ class Sides(NamedTuple):
     convex: Bools
 
 
-def convex_sides(curves: Curves) -> Sides:
+def convex_sides(curves: Curves) -> ShortTimeSides:
     """The sides of n curves: the line through each two points, and the last speed.
 
     The line through (ω0, T0) and (ω1, T1) is T (ω1 - ω0) + ω (T0 - T1) = T0 ω1 - T1 ω0. A region is convex where the
@@ -124,7 +124,7 @@ def convex_sides(curves: Curves) -> Sides:
         speed = np.where(used, -rise / constant, 0.0)
         last = 1.0 / curves.last_x
     zero = np.zeros((len(x), 1))
-    return Sides(np.hstack([torque, zero]), np.hstack([speed, last[:, None]]), convex)
+    return ShortTimeSides(np.hstack([torque, zero]), np.hstack([speed, last[:, None]]), convex)
 
 
 def _use_of_samples(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -> Array:
@@ -134,7 +134,7 @@ def _use_of_samples(pairs: Pairs, cycle: ReducedCycle, conditions: Conditions) -
     return floats(np.max(peak_curve_use(pairs.motors[:, None], conditions, torque, speed), axis=1))
 
 
-def _convex_use(pairs: Pairs, cycle: ReducedCycle, sides: Sides) -> Array:
+def _convex_use(pairs: Pairs, cycle: ReducedCycle, sides: ShortTimeSides) -> Array:
     """Largest use (m,) of convex regions over the extreme points, which have speeds of 0 or more."""
     shaft = shaft_coefficients(pairs, cycle)
     per_torque, per_speed = sides.torque[pairs.motor], sides.speed[pairs.motor]

@@ -11,7 +11,7 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque, resistance_factor
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
-from bellcrank.sizing.selection.axis_loads import Axis
+from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Array, Bools, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import DIRECTION, SPEED, ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
@@ -119,7 +119,7 @@ class HousingTemperature(Temperature):
     needs = alternatives(_THERMAL, (("motor.max_housing_temperature",),))
     body = "housing"
 
-    def judged(self, pairs: Pairs, axis: Axis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
         """Pairs whose motor states a limit."""
         return np.asarray(~np.isnan(self.limit(pairs)))
 

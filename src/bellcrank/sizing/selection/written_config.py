@@ -20,13 +20,13 @@ from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import FileAccess
+from bellcrank.printable_text import file_name_here, one_line
 from bellcrank.robot import catalog
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.robot_config import RobotConfig, read_config
 from bellcrank.scene.source_mapping import plain
 from bellcrank.sizing.selection.actuator_masses import body_of
 from bellcrank.sizing.selection.tables import percent, selected_for
-from bellcrank.text import file_name_here, one_line
 
 if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection

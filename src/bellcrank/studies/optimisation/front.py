@@ -25,7 +25,7 @@ from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.optimise_entry import MOST_POINTS
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.executors import choose_executor
+from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.optimisation.kept_designs import KeptDesigns
 from bellcrank.studies.optimisation.local_search import KEPT
 from bellcrank.studies.optimisation.optimise import result_of_known, run_search, search_known

@@ -18,15 +18,15 @@ from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.simulation.simulate import simulate
 from bellcrank.sizing.sensitivities import sizing_sensitivities, torque_maxima
+from bellcrank.studies.designs.plain_axes import ValueKind
+from bellcrank.studies.designs.sizing_changes import factors
+from bellcrank.studies.execution.simulation_runner import NOISE, SimulationRunner
+from bellcrank.studies.execution.sizing_runner import SizingRunner
 from bellcrank.studies.optimisation.formulas import choices
 from bellcrank.studies.optimisation.waypoint_gradients import covers, slopes_of
-from bellcrank.studies.plain_axes import Kind
-from bellcrank.studies.simulation_runner import NOISE, SimulationRunner
-from bellcrank.studies.sizing_axes import factors
-from bellcrank.studies.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.sensitivities import RunSensitivity
+    from bellcrank.simulation.sensitivities.sensitivities import RunSensitivity
     from bellcrank.studies.optimisation.problem import DesignProblem
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ PEAK = "peak_torque"
 OF_JOINT = (PEAK, "rms_torque", "peak_speed")
 
 
-class Row(NamedTuple):
+class GradientRow(NamedTuple):
     """One smooth function: a measure, or one of the maxima of which a peak is the largest.
 
     Attributes:
@@ -89,7 +89,7 @@ class Gradients:
 
     def at(
         self, points: Sequence[Array], values: Sequence[Array], free: Sequence[NDArray[np.bool_]] | None = None
-    ) -> list[list[list[Row]]]:
+    ) -> list[list[list[GradientRow]]]:
         """For each design, the rows of each measure, which is the largest of them; `values` (1 + limits,) are its own.
 
         A gradient that is not known, because designs beside it are infeasible, is NaN. That by a variable that is not
@@ -101,7 +101,7 @@ class Gradients:
             return self._rows_of_scenarios(np.array(points), wanted)
         measures = self.problem.leaves
         plain = [self.problem.plain[point.tobytes()] for point in points]
-        found = [[list[Row]() for _ in measures] for _ in points]
+        found = [[list[GradientRow]() for _ in measures] for _ in points]
         for rows, point, value in zip(found, points, plain, strict=True):
             if self.exact:
                 own = self._exact_rows(point)
@@ -120,10 +120,10 @@ class Gradients:
             slopes = self._differences(np.array(points), np.array(plain), wanted, self.problem.run_plain)
             for rows, value, slope in zip(found, plain, slopes, strict=True):
                 for k in left:
-                    rows[k] = rows[k] or [Row(float(value[k]), slope[k], (measures[k],))]
+                    rows[k] = rows[k] or [GradientRow(float(value[k]), slope[k], (measures[k],))]
         return [self._of_measures(rows, value) for rows, value in zip(found, plain, strict=True)]
 
-    def _of_measures(self, rows: Sequence[Sequence[Row]], plain: Array) -> list[list[Row]]:
+    def _of_measures(self, rows: Sequence[Sequence[GradientRow]], plain: Array) -> list[list[GradientRow]]:
         """The rows of measures and formulas from those of the measures that these are made from.
 
         Of a peak that makes a design worse all maxima count; one that makes it better, or is to have a value, is no set
@@ -149,16 +149,16 @@ class Gradients:
         return found
 
     @staticmethod
-    def _combined(chosen: Sequence[Row], whole: float, plain: Array, slopes: Array) -> Row:
+    def _combined(chosen: Sequence[GradientRow], whole: float, plain: Array, slopes: Array) -> GradientRow:
         """The formula, linearised where each measure is one of its rows."""
         beyond = float(sum(s * (row.value - v) for s, row, v in zip(slopes, chosen, plain, strict=True)))
         gradient = np.sum([s * row.gradient for s, row in zip(slopes, chosen, strict=True)], axis=0)
         time = sum(k * row.time for k, row in enumerate(chosen, 1))
-        return Row(whole + beyond, gradient, tuple(part for row in chosen for part in row.key), time)
+        return GradientRow(whole + beyond, gradient, tuple(part for row in chosen for part in row.key), time)
 
     # ---- differences
 
-    def _rows_of_scenarios(self, points: Array, free: NDArray[np.bool_]) -> list[list[list[Row]]]:
+    def _rows_of_scenarios(self, points: Array, free: NDArray[np.bool_]) -> list[list[list[GradientRow]]]:
         """Of the worst, a row for each deviation; of mean and standard deviation, their row."""
         robust = self.problem.robustness
         assert robust is not None
@@ -171,9 +171,9 @@ class Gradients:
             for k, (name, side) in enumerate(zip(self.problem.measures, self.problem.sides.tolist(), strict=True)):
                 if robust.factor is None:
                     several = zip(one[:, k].tolist(), slope[:, k], strict=True)
-                    rows.append([Row(value, by, (name, str(s))) for s, (value, by) in enumerate(several)])
+                    rows.append([GradientRow(value, by, (name, str(s))) for s, (value, by) in enumerate(several)])
                 else:
-                    rows.append([Row(float(whole[k]), robust.weights(one[:, k], side) @ slope[:, k], (name,))])
+                    rows.append([GradientRow(float(whole[k]), robust.weights(one[:, k], side) @ slope[:, k], (name,))])
             found.append(rows)
         return found
 
@@ -203,14 +203,14 @@ class Gradients:
                 found[row, :, k] = np.sum(parts, axis=0) / self.step
         return found
 
-    def _rows_of_waypoints(self, point: Array) -> dict[str, list[Row]]:
+    def _rows_of_waypoints(self, point: Array) -> dict[str, list[GradientRow]]:
         """The rows of measures by differences with maxima where they are, at a design; none where there are none."""
         runner = self.problem.runner
         assert isinstance(runner, SizingRunner)
         found = slopes_of(runner.shared, self.problem.numbers(point[None])[0] * factors(runner.axes, runner.changes),
                           self.factors)  # fmt: skip
         return {
-            name: [Row(value, slope, (name,), time) for value, slope, time in several]
+            name: [GradientRow(value, slope, (name,), time) for value, slope, time in several]
             for name, several in found.items()
         }
 
@@ -226,7 +226,7 @@ class Gradients:
         if not isinstance(runner, SimulationRunner):
             return ()
         plain = {axis.column: axis for axis in runner.designs.plain}
-        starts = {Kind.PARAMETER: "", Kind.POSITION: "initial.", Kind.VELOCITY: "initial.velocity."}
+        starts = {ValueKind.PARAMETER: "", ValueKind.POSITION: "initial.", ValueKind.VELOCITY: "initial.velocity."}
         found = []
         for k, axis in enumerate(runner.axes):
             own = next((name for name, it in runner.scene.parameters.items() if it.sets == (axis.path,)), None)
@@ -256,7 +256,7 @@ class Gradients:
             return not any(event.stop for event in scene.events) and (own or scalar)
         return first in {event.name for event in scene.events} and (own or rest in ("time", "impulse", "energy_lost"))
 
-    def _exact_rows(self, point: Array) -> dict[str, list[Row]]:
+    def _exact_rows(self, point: Array) -> dict[str, list[GradientRow]]:
         """The rows of the exact measures at a design; none of them where the run has no derivatives there."""
         numbers = self.problem.numbers(point[None])[0].tolist()
         try:
@@ -266,24 +266,26 @@ class Gradients:
         except BellcrankError:
             return {}
 
-    def _rows_of_sizing(self, runner: SizingRunner, numbers: list[float]) -> dict[str, list[Row]]:
+    def _rows_of_sizing(self, runner: SizingRunner, numbers: list[float]) -> dict[str, list[GradientRow]]:
         sizing = runner.design(numbers)
         wanted = [measure.rpartition(".") for measure in sorted(self.exact)]
-        kinds, found = {kind for _, _, kind in wanted}, dict[str, list[Row]]()
+        kinds, found = {kind for _, _, kind in wanted}, dict[str, list[GradientRow]]()
         maxima = torque_maxima(sizing, self.names) if PEAK in kinds else {}
         slopes = sizing_sensitivities(sizing, self.names) if kinds - {PEAK} else ()
         for joint, _, kind in wanted:
             if kind == PEAK:
                 found[f"{joint}.{kind}"] = [
-                    Row(abs(it.torque), self.factors * np.sign(it.torque) * it.slope, (joint, it.motion), it.time)
+                    GradientRow(
+                        abs(it.torque), self.factors * np.sign(it.torque) * it.slope, (joint, it.motion), it.time
+                    )
                     for it in maxima[joint]
                 ]
             else:
                 gradient = np.array([getattr(one.joint(joint), kind) for one in slopes])
-                found[f"{joint}.{kind}"] = [Row(0.0, self.factors * gradient, (joint, kind))]
+                found[f"{joint}.{kind}"] = [GradientRow(0.0, self.factors * gradient, (joint, kind))]
         return found
 
-    def _rows_of_run(self, numbers: list[float]) -> dict[str, list[Row]]:
+    def _rows_of_run(self, numbers: list[float]) -> dict[str, list[GradientRow]]:
         runner = self.problem.runner
         assert isinstance(runner, SimulationRunner)
         scene = runner.scene.with_overrides(runner.designs.overrides(numbers))
@@ -292,7 +294,7 @@ class Gradients:
         found = {}
         for measure in self.exact:
             gradient = self.factors * np.array([_slope(one, measure) for one in by])
-            found[measure] = [Row(0.0, gradient, (measure,))]
+            found[measure] = [GradientRow(0.0, gradient, (measure,))]
         return found
 
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from bellcrank.files.access import MOST_RUN, open_regular
 from bellcrank.files.npz_archive import read_archive
-from bellcrank.simulation.save_run import write_archive
-from bellcrank.studies.environment import environment
-from bellcrank.studies.study_folder import FORMAT, StudyFolder
+from bellcrank.simulation.files.save_run import write_archive
+from bellcrank.studies.execution.software_and_processor import environment
+from bellcrank.studies.execution.study_folder import FORMAT, StudyFolder
 
 Array = NDArray[np.float64]
 EVERY = 2.0  # s between two files

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.studies.optimisation.gradients import Gradients, Row
+from bellcrank.studies.optimisation.gradients import GradientRow, Gradients
 from bellcrank.studies.optimisation.problem import DesignProblem
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Function:
     With `equal` its magnitude is to be 0.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[GradientRow, ...]
     equal: bool = False
 
     @property
@@ -68,7 +68,7 @@ class Kkt:
 
 
 @dataclass(eq=False)
-class Search:
+class LocalSearch:
     """One local search.
 
     Attributes:
@@ -112,7 +112,7 @@ def local_searches(
     values: Array,
     each: Callable[[], object],
     boxes: tuple[Array, Array] | None = None,
-) -> list[Search]:
+) -> list[LocalSearch]:
     """Search from feasible designs (n, variables) with values (n, 1 + limits); `each` is called after each iteration.
 
     `boxes` are lower and upper bounds (n, variables) of each search, by default 0 and 1. Raises StudyInterrupted on
@@ -122,7 +122,7 @@ def local_searches(
     lower, upper = (np.zeros_like(starts), np.ones_like(starts)) if boxes is None else boxes
     given = zip(starts, values, lower, upper, strict=True)
     hidden = max(TINY, problem.error)
-    searches = [Search(*one, hessian=np.eye(size), hidden=hidden) for one in given]
+    searches = [LocalSearch(*one, hessian=np.eye(size), hidden=hidden) for one in given]
     for one in searches:
         if not one.free.any():
             one.reason = "nothing is left to vary"
@@ -144,7 +144,7 @@ def local_searches(
     return searches
 
 
-def linearise(problem: DesignProblem, gradients: Gradients, searches: Sequence[Search]) -> None:
+def linearise(problem: DesignProblem, gradients: Gradients, searches: Sequence[LocalSearch]) -> None:
     """Compute the functions and the residual of searches at their designs, and what follows for their Hessians."""
     free = [one.free for one in searches]
     rows = gradients.at([one.point for one in searches], [one.values for one in searches], free)
@@ -201,14 +201,14 @@ def kkt_of(point: Array, functions: Sequence[Function], lower: Array, upper: Arr
     return Kkt(max(float(np.abs(matrix @ found).max()), broken, slack), limits, bounds)
 
 
-def _scaled(row: Row, factor: float, offset: float) -> Row:
+def _scaled(row: GradientRow, factor: float, offset: float) -> GradientRow:
     return row._replace(value=factor * (row.value - offset), gradient=factor * row.gradient)
 
 
 # ---- steps
 
 
-def _step(one: Search) -> tuple[Array, float]:
+def _step(one: LocalSearch) -> tuple[Array, float]:
     """The step of a search and the reduction that its model promises; ends it where there is none."""
     lower = np.maximum(one.lower - one.point, -one.radius)
     upper = np.minimum(one.upper - one.point, one.radius)
@@ -233,7 +233,7 @@ def _step(one: Search) -> tuple[Array, float]:
 
 
 def _judge(
-    problem: DesignProblem, one: Search, step: tuple[Array, float], trial: Array, values: Array, why: str
+    problem: DesignProblem, one: LocalSearch, step: tuple[Array, float], trial: Array, values: Array, why: str
 ) -> None:
     """Accept a design or not, and set the size of the next step."""
     length, promised = float(np.abs(step[0]).max()), step[1]
@@ -252,7 +252,7 @@ def _judge(
         one.radius = min(2.0 * one.radius, LARGEST_RADIUS)
 
 
-def _merit(one: Search, step: Array) -> float:
+def _merit(one: LocalSearch, step: Array) -> float:
     objective = max(row.value + float(row.gradient @ step) for row in one.functions[0].rows)
     return objective + one.penalty * _broken(one.functions, step)
 
@@ -317,7 +317,7 @@ def _quadratic_programme(
     return step, [np.array(each) for each in own]
 
 
-def _update_hessian(one: Search) -> None:
+def _update_hessian(one: LocalSearch) -> None:
     """Damped BFGS update from the change of the Lagrangian's gradient along the last step."""
     if one.old is None:
         return

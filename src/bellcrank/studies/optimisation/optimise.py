@@ -19,15 +19,15 @@ from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.columns import varies
-from bellcrank.studies.executors import choose_executor
+from bellcrank.studies.designs.samples import Sample
+from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.optimisation.gradients import Gradients
 from bellcrank.studies.optimisation.kept_designs import KeptDesigns
 from bellcrank.studies.optimisation.local_search import (
     CONVERGED,
     KEPT,
     LARGEST_PENALTY,
-    Search,
+    LocalSearch,
     linearise,
     local_searches,
 )
@@ -35,7 +35,7 @@ from bellcrank.studies.optimisation.optimum import Basin, Optimum
 from bellcrank.studies.optimisation.problem import DesignProblem
 from bellcrank.studies.optimisation.request import SAMPLES, STARTS, Request, plan_search
 from bellcrank.studies.optimisation.size_search import SAME_VALUE, Combinations, SizeSearch, all_combinations
-from bellcrank.studies.samples import Sample
+from bellcrank.studies.results.study_columns import varies
 
 Array = NDArray[np.float64]
 SAME_DESIGN = 1e-3  # up to this difference, scaled, and SAME_VALUE of the objective two local optima are one
@@ -158,7 +158,7 @@ def run_search(problem: DesignProblem, asked: Request, start: Array | None) -> O
     """Search. Raises InputError and BellcrankError as `optimise`."""
     count, starts = asked.samples or SAMPLES, asked.starts or STARTS
     gradients = Gradients(problem)
-    searches, history, complete = list[Search](), list[tuple[int, float]](), True
+    searches, history, complete = list[LocalSearch](), list[tuple[int, float]](), True
     before = np.full(1 + len(problem.limits), np.nan)
     tree, combinations = None, None
 
@@ -280,13 +280,13 @@ def _starts(problem: DesignProblem, points: Array, values: Array, count: int) ->
     return np.asarray(rows[order[:count]])
 
 
-def _basins(problem: DesignProblem, searches: Sequence[Search]) -> tuple[Basin, ...]:
+def _basins(problem: DesignProblem, searches: Sequence[LocalSearch]) -> tuple[Basin, ...]:
     """The distinct ends of searches that are optima and keep the limits, the best first."""
 
-    def scaled(one: Search) -> float:
+    def scaled(one: LocalSearch) -> float:
         return float(problem.objective(one.values[None])[0])
 
-    groups: list[list[Search]] = []
+    groups: list[list[LocalSearch]] = []
     ends = [one for one in searches if one.kkt is not None and one.kkt.residual <= CONVERGED]
     for one in sorted(ends, key=scaled):
         for group in groups:
@@ -302,7 +302,7 @@ def _basins(problem: DesignProblem, searches: Sequence[Search]) -> tuple[Basin, 
     )
 
 
-def _merit(problem: DesignProblem, one: Search) -> float:
+def _merit(problem: DesignProblem, one: LocalSearch) -> float:
     broken = float(problem.violation(one.values[None])[0])
     return float(problem.objective(one.values[None])[0]) + (0.0 if broken <= KEPT else LARGEST_PENALTY * broken)
 
@@ -310,7 +310,7 @@ def _merit(problem: DesignProblem, one: Search) -> float:
 def _result(
     problem: DesignProblem,
     gradients: Gradients,
-    searches: Sequence[Search],
+    searches: Sequence[LocalSearch],
     asked: Request,
     before: Array,
     history: Sequence[tuple[int, float]],
@@ -323,7 +323,7 @@ def _result(
     point = np.concatenate(problem.points)[row]
     sized = [k in problem.sizes for k in range(len(point))]
     lower, upper = np.where(sized, point, 0.0), np.where(sized, point, 1.0)
-    best = Search(point, np.concatenate(problem.values)[row], lower, upper)
+    best = LocalSearch(point, np.concatenate(problem.values)[row], lower, upper)
     merit = {id(one): _merit(problem, one) for one in (best, *searches)}
     if searches:  # of designs that are as good, the end of a search
         least = min(merit.values()) + SAME_VALUE

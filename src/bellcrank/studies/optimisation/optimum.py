@@ -21,11 +21,11 @@ from bellcrank.scene.robot_file_entries import without_robot_file
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.source_mapping import plain
 from bellcrank.sizing.selection.written_config import check_target, moved
+from bellcrank.studies.designs.sizing_changes import override
+from bellcrank.studies.execution.sizing_runner import SizingRunner
 from bellcrank.studies.optimisation.local_search import ACTIVE, AT_BOUND, CONVERGED, KEPT, Kkt
 from bellcrank.studies.optimisation.optimum_tables import designs_figure, designs_table, rows_of, text_table
 from bellcrank.studies.optimisation.robustness import CHECKED, Robustness
-from bellcrank.studies.sizing_axes import override
-from bellcrank.studies.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

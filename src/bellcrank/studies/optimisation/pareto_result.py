@@ -22,8 +22,8 @@ from bellcrank.studies.optimisation.optimum import Optimum
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bellcrank.studies.exceedance import Limit
     from bellcrank.studies.optimisation.problem import DesignProblem
+    from bellcrank.studies.results.exceedance import Limit
 
 Array = NDArray[np.float64]
 BETTER = 1e-6  # of objectives in units of their spread: a smaller difference is an error of the searches

@@ -20,21 +20,21 @@ from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number, whole_number
 from bellcrank.notes import Note
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.axes import Axis
-from bellcrank.studies.columns import Columns
-from bellcrank.studies.design_runner import DesignRunner, StudyInterrupted
-from bellcrank.studies.exceedance import Limit
-from bellcrank.studies.execution import Executor
-from bellcrank.studies.executors import Opened
-from bellcrank.studies.fastest_runner import FastestRunner
-from bellcrank.studies.local_execution import LocalExecutor
+from bellcrank.studies.designs.axes import StudyAxis
+from bellcrank.studies.designs.sizing_changes import PLACEMENT, present_duration
+from bellcrank.studies.execution.design_runner import DesignRunner, StudyInterrupted
+from bellcrank.studies.execution.execution import Executor
+from bellcrank.studies.execution.executors import Opened
+from bellcrank.studies.execution.fastest_runner import FastestRunner
+from bellcrank.studies.execution.local_execution import LocalExecutor
+from bellcrank.studies.execution.sizing_runner import SizingRunner
+from bellcrank.studies.execution.study import run_study
 from bellcrank.studies.optimisation.formulas import Formula
 from bellcrank.studies.optimisation.kept_designs import KeptDesigns, Ran
 from bellcrank.studies.optimisation.robustness import CHECKED, Robustness
-from bellcrank.studies.sizing_axes import PLACEMENT, present_duration
-from bellcrank.studies.sizing_measures import INFEASIBLE
-from bellcrank.studies.sizing_runner import SizingRunner
-from bellcrank.studies.study import run_study
+from bellcrank.studies.results.exceedance import Limit
+from bellcrank.studies.results.sizing_measures import INFEASIBLE
+from bellcrank.studies.results.study_columns import StudyColumns
 
 Array = NDArray[np.float64]
 BLOCK = 4096  # designs of one call of the runner
@@ -47,7 +47,7 @@ class Variable:
     With `sizes`, which rise, it is one of them; the bounds are the smallest and the largest.
     """
 
-    axis: Axis
+    axis: StudyAxis
     lower: float
     upper: float
     sizes: tuple[float, ...] = ()
@@ -281,7 +281,7 @@ class DesignProblem:
         if stopped is not None:
             raise stopped
 
-    def _columns(self, numbers: Array, progress: Callable[[int], object]) -> Columns:
+    def _columns(self, numbers: Array, progress: Callable[[int], object]) -> StudyColumns:
         """The columns of designs with values (n, axes). Raises StudyInterrupted as `run`."""
         designs, executor = GivenDesigns(numbers), Opened(self.executor)
         found = run_study(designs, self.runner, executor, progress=lambda done, _: progress(done))
@@ -307,7 +307,7 @@ class DesignProblem:
     def _combined(self, values: Array) -> Array:
         return values[:, 0] if self.robustness is None else self.robustness.combined(values, self.sides)
 
-    def as_designed(self, point: Array) -> Columns:
+    def as_designed(self, point: Array) -> StudyColumns:
         """The columns of a design without deviations."""
         numbers = self.numbers(point[None])
         if self.robustness is not None:
@@ -322,7 +322,7 @@ class DesignProblem:
         columns = self.runner.run(designs, threads=LocalExecutor().threads)  # also after the block of the executor
         return np.asarray(self._combined(self.of_columns(columns)[None])[0])
 
-    def of_columns(self, columns: Columns) -> Array:
+    def of_columns(self, columns: StudyColumns) -> Array:
         """The measures (n, 1 + limits) of columns; NaN where infeasible."""
         return self.evaluated(self._ran(columns, self.leaves).judged()[0])
 
@@ -349,7 +349,7 @@ class DesignProblem:
             self.plain.update(zip((point.tobytes() for point in points), values[:, 0], strict=True))
         return values
 
-    def _ran(self, columns: Columns, names: Sequence[str]) -> Ran:
+    def _ran(self, columns: StudyColumns, names: Sequence[str]) -> Ran:
         """What was run, with some of the measures."""
         count, reasons = len(columns), columns.reasons
         out = np.isin(np.arange(count), list(reasons))
@@ -414,7 +414,7 @@ class DesignProblem:
         return int(np.lexsort((self.objective(values), broken))[0])
 
 
-def present_number(runner: DesignRunner, k: int, axis: Axis) -> float | None:
+def present_number(runner: DesignRunner, k: int, axis: StudyAxis) -> float | None:
     """The scene's own value of the axis k of a runner, in its unit; None where it is not known."""
     scene: Scene = runner.scene  # type: ignore[attr-defined]
     parameters = scene.parameters

@@ -17,20 +17,20 @@ from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
-from bellcrank.studies.axes import MOST_VALUES, Axis, read_axis
-from bellcrank.studies.design_runner import DesignRunner
-from bellcrank.studies.design_space import MOST_DIMENSIONS
-from bellcrank.studies.distributions import Distribution, is_distribution, read_distribution
-from bellcrank.studies.exceedance import Limit, parse_limit
-from bellcrank.studies.execution import Executor
-from bellcrank.studies.fastest_runner import FastestRunner
-from bellcrank.studies.local_execution import LocalExecutor
+from bellcrank.studies.designs.axes import MOST_VALUES, StudyAxis, read_axis
+from bellcrank.studies.designs.design_space import MOST_DIMENSIONS
+from bellcrank.studies.designs.distributions import Distribution, is_distribution, read_distribution
+from bellcrank.studies.designs.samples import LARGEST_SEED
+from bellcrank.studies.designs.sizing_changes import present_value
+from bellcrank.studies.execution.design_runner import DesignRunner
+from bellcrank.studies.execution.execution import Executor
+from bellcrank.studies.execution.fastest_runner import FastestRunner
+from bellcrank.studies.execution.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.formulas import Formulas
 from bellcrank.studies.optimisation.problem import DesignProblem, Variable, written_value
 from bellcrank.studies.optimisation.robustness import Robustness, read_rule
 from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combinations
-from bellcrank.studies.samples import LARGEST_SEED
-from bellcrank.studies.sizing_axes import present_value
+from bellcrank.studies.results.exceedance import Limit, parse_limit
 from bellcrank.studies.sweep_plan import Planner, SweepPlan, planner
 
 Array = NDArray[np.float64]
@@ -199,7 +199,7 @@ def _around(scene: Scene, tolerances: Mapping[str, Any]) -> dict[str, list[Any]]
     return found
 
 
-def _robustness(scene: Scene, asked: Request, runner: DesignRunner, axes: Sequence[Axis]) -> Robustness | None:
+def _robustness(scene: Scene, asked: Request, runner: DesignRunner, axes: Sequence[StudyAxis]) -> Robustness | None:
     """How designs are judged. Raises InputError."""
     if not asked.tolerances:
         return None
@@ -284,7 +284,7 @@ def _renamed(error: InputError, where: str) -> InputError:
     return InputError(text.replace("argument 'vary[\"", f"{where} '").replace("\"]'", "'"))
 
 
-def _variable(scene: Scene, axis: Axis, given: Any) -> Variable:
+def _variable(scene: Scene, axis: StudyAxis, given: Any) -> Variable:
     """An axis with its bounds or sizes, as they are given, as a variable. Raises InputError."""
     where = f"optimise {scene.name}: '{axis.path}'"
     if not axis.numeric:
@@ -304,7 +304,7 @@ def _variable(scene: Scene, axis: Axis, given: Any) -> Variable:
     return Variable(axis, lower, upper, _stepped(where, axis) if isinstance(given, Mapping) else ())
 
 
-def _stepped(where: str, axis: Axis) -> tuple[float, ...]:
+def _stepped(where: str, axis: StudyAxis) -> tuple[float, ...]:
     """The sizes from a lower to an upper bound in steps. Raises InputError."""
     lower, upper, step = map(float, axis.numbers)
     steps = (upper - lower) / step if step > 0.0 else math.nan

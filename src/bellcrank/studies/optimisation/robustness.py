@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bellcrank.arguments import found
 from bellcrank.errors import InputError
-from bellcrank.studies.distributions import Distribution
-from bellcrank.studies.samples import Sample
+from bellcrank.studies.designs.distributions import Distribution
+from bellcrank.studies.designs.samples import Sample
 
 Array = NDArray[np.float64]
 SCENARIOS = 32  # deviations of "mean + k sd"

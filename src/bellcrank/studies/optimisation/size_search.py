@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.studies.optimisation.gradients import Gradients
-from bellcrank.studies.optimisation.local_search import KEPT, Search, local_searches
+from bellcrank.studies.optimisation.local_search import KEPT, LocalSearch, local_searches
 from bellcrank.studies.optimisation.problem import DesignProblem
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class SizeSearch:
     problem: DesignProblem
     gradients: Gradients
     each: Callable[[], object]
-    found: list[Search] = field(default_factory=list)
+    found: list[LocalSearch] = field(default_factory=list)
     open: list[Box] = field(default_factory=list)
     tried: set[tuple[float, ...]] = field(default_factory=set)
 
@@ -112,13 +112,13 @@ class SizeSearch:
         gap = 0.0 if not self.open else float((best - bound) * self.problem.scales[0])
         return Combinations(self.problem.combinations, len(self.tried), gap, False)
 
-    def _merit(self, one: Search) -> float:
+    def _merit(self, one: LocalSearch) -> float:
         values = one.values[None]
         return float(self.problem.objective(values)[0]) if self.problem.violation(values)[0] <= KEPT else np.inf
 
     # ---- boxes
 
-    def _ends(self, boxes: Sequence[Box], starts: Array) -> list[list[Search]]:
+    def _ends(self, boxes: Sequence[Box], starts: Array) -> list[list[LocalSearch]]:
         """The ends of searches in boxes, the best of each first."""
         given = [self._starts(box, starts) for box in boxes]
         owners = np.repeat(np.arange(len(boxes)), list(map(len, given)))
@@ -140,7 +140,7 @@ class SizeSearch:
         own = [] if box.end is None else [np.clip(box.end, box.lower, box.upper)]
         return np.array([*own, *chosen, *starts]).reshape(-1, len(box.lower))
 
-    def _searches(self, points: Array, lower: Array, upper: Array) -> list[tuple[int, Search]]:
+    def _searches(self, points: Array, lower: Array, upper: Array) -> list[tuple[int, LocalSearch]]:
         """Searches from those points that are feasible, with their numbers."""
         values = self.problem.run(points)
         rows = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -148,7 +148,7 @@ class SizeSearch:
         found = local_searches(self.problem, self.gradients, points[rows], values[rows], self.each, boxes)
         return list(zip(rows.tolist(), found, strict=True))
 
-    def _cut(self, box: Box, ends: Sequence[Search]) -> list[Box]:
+    def _cut(self, box: Box, ends: Sequence[LocalSearch]) -> list[Box]:
         """The parts of a box that are left after its searches; none where it is one combination, or has no end that
         keeps the limits and is not at sizes.
         """
@@ -172,7 +172,7 @@ class SizeSearch:
             parts.append(Box(lower, upper, bound, point))
         return parts
 
-    def _round(self, ends: Sequence[Search]) -> None:
+    def _round(self, ends: Sequence[LocalSearch]) -> None:
         """Search beside ends with each size fixed at the nearest one."""
         fixed = list(self.problem.sizes)
         fresh = []

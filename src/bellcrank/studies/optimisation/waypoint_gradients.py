@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.sizing.series_maxima import vertex_of
-from bellcrank.sizing.waypoint_states import WaypointStates
-from bellcrank.studies.sizing_batch import SizingBatch, certain
+from bellcrank.sizing.loads.series_maxima import vertex_of
+from bellcrank.sizing.loads.waypoint_states import WaypointStates
+from bellcrank.studies.execution.many_sizings import SizingBatch, certain
 
 if TYPE_CHECKING:
-    from bellcrank.sizing.design_peaks import DesignMotion
-    from bellcrank.studies.shared_sizing import SharedSizing
+    from bellcrank.sizing.loads.design_peaks import DesignMotion
+    from bellcrank.studies.execution.shared_sizing import SharedSizing
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bellcrank.studies.synthesis.four_bar import WIDEST_RATIO, rocker_angles
-from bellcrank.studies.synthesis.kinds import SAFE, Array, Output
+from bellcrank.studies.synthesis.kinds import SAFE, Array, SynthesisOutput
 
 WIDE = np.log(WIDEST_RATIO)  # of the ground, of rocker to coupler, and of the coupler to D₂
 
@@ -39,14 +39,14 @@ class FourBarsOverRange:
         lower, upper = self.bounds
         return np.asarray(lower + (upper - lower) * drawn)
 
-    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> Output:
+    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> SynthesisOutput:
         """See `OutputKind`: the rocker's angle."""
         links, by_shape = self.links(shape, crank)
         angle, by_angle, by_links = rocker_angles(links, crank, branch)
         if not slopes:
-            return Output(angle)
+            return SynthesisOutput(angle)
         changed = np.einsum("npl,nls->nps", by_links, by_shape)
-        return Output(angle, by_angle + changed[:, :, 3], changed[:, :, :3])
+        return SynthesisOutput(angle, by_angle + changed[:, :, 3], changed[:, :, :3])
 
     def links(self, shape: Array, crank: Array) -> tuple[Array, Array]:
         """Ground, coupler and rocker (n, 3), NaN where there are none, and their derivatives (n, 3, 4) by the shape and

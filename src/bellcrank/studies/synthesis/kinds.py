@@ -34,7 +34,7 @@ def longest_of(links: Array) -> Array:
     return np.asarray(np.maximum(1.0, np.abs(links).max(axis=1)))
 
 
-class Output(NamedTuple):
+class SynthesisOutput(NamedTuple):
     """The output (n, points): an angle, or a position over the length of the crank, and its derivatives by a common
     change of the crank's angles (n, points) and by the shape (n, points, k).
     """
@@ -44,7 +44,7 @@ class Output(NamedTuple):
     by_shape: Array = NONE
 
 
-class Kind(Protocol):
+class LinkageKind(Protocol):
     """A kind of linkage whose crank is the unit of length; its shape is k numbers within bounds."""
 
     @property
@@ -63,19 +63,19 @@ class Kind(Protocol):
         """Shapes (n, k) at points (n, k) of the unit cube."""
 
 
-class CouplerKind(Kind, Protocol):
+class CouplerKind(LinkageKind, Protocol):
     """A kind whose coupler is to pass points."""
 
     def turning(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> Turning:
         """How the coupler turns at crank angles (n, points), on the branches (n,)."""
 
 
-class OutputKind(Kind, Protocol):
+class OutputKind(LinkageKind, Protocol):
     """A kind whose output is to be a function of the crank's angle."""
 
     @property
     def angular(self) -> bool:
         """Whether its output is an angle; else a position."""
 
-    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> Output:
+    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> SynthesisOutput:
         """The output at crank angles (n, points), on the branches (n,); NaN where it does not assemble."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.studies.samples import Sample
+from bellcrank.studies.designs.samples import Sample
 from bellcrank.studies.synthesis.kinds import Array, Complex
 from bellcrank.studies.synthesis.placement import Numbers, PointTask, Task
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.studies.synthesis.kinds import Array, Complex, CouplerKind, Kind, OutputKind
+from bellcrank.studies.synthesis.kinds import Array, Complex, CouplerKind, LinkageKind, OutputKind
 
 Numbers = NDArray[Any]  # real or complex
 
@@ -41,7 +41,7 @@ class Task(Protocol):
     """What linkages of a kind are to do."""
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> LinkageKind:
         """Their kind."""
 
     @property

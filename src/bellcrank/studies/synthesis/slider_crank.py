@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.studies.synthesis.kinds import SAFE, Array, Output, Turning, longest_of
+from bellcrank.studies.synthesis.kinds import SAFE, Array, SynthesisOutput, Turning, longest_of
 
 LEAST, MOST = 0.005, 40.0  # of g: the shortest coupler, and one of which the slider's motion is nearly a sine
 
@@ -65,14 +65,14 @@ class SliderCranks:
         changed = np.einsum("npl,nls->nps", by_links, by_shape)
         return Turning(cosine + 1j * sine, longest_of(links), -np.cos(crank) / lever, changed)
 
-    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> Output:
+    def output(self, shape: Array, crank: Array, branch: Array, slopes: bool) -> SynthesisOutput:
         """See `OutputKind`: the slider's position."""
         found = self.turning(shape, crank, branch, slopes)
         links, by_shape = self.lengths(shape)
         coupler, sine = links[:, :1], found.directions.imag
         value = np.cos(crank) + coupler * found.directions.real
         if not slopes:
-            return Output(value)
+            return SynthesisOutput(value)
         by_start = -np.sin(crank) - coupler * sine * found.by_angle
         changed = by_shape[:, None, 0, :] * found.directions.real[:, :, None]
-        return Output(value, by_start, changed - (coupler * sine)[:, :, None] * found.by_shape)
+        return SynthesisOutput(value, by_start, changed - (coupler * sine)[:, :, None] * found.by_shape)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies.samples import LARGEST_SEED
+from bellcrank.studies.designs.samples import LARGEST_SEED
 from bellcrank.studies.synthesis.four_bar import CrankRockers
 from bellcrank.studies.synthesis.four_bar_range import FourBarsOverRange
 from bellcrank.studies.synthesis.kinds import Complex

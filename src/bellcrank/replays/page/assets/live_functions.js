@@ -1,4 +1,4 @@
-// ---- the functions of a sizing as WebAssembly: sizing/live_sizing.py says what they return
+// ---- the functions of a sizing as WebAssembly: sizing/live/live_sizing.py says what they return
 
 const STACK = 1 << 20;  // bytes of scratch memory, below everything else
 

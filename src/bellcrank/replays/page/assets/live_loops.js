@@ -1,6 +1,6 @@
-// ---- a linkage whose lengths are changed: the joints that follow from others (sizing/live_loops.py has the step)
+// ---- a linkage whose lengths are changed: the joints that follow from others (sizing/live/live_loops.py has the step)
 
-// As in dynamics/loop_kinematics.py: where Newton's method ends, and the largest way from a posture to the next.
+// As in dynamics/postures/loop_kinematics.py: where Newton's method ends, and the largest way from a posture to the next.
 const [CLOSED, CLOSED_ROUNDED, LEAP, NEWTON_STEPS] = [1e-13, 1e-11, 0.1, 12];
 const [LEAST_STEP, DEAD_POINT] = [2 ** -12, 1e-6];  // of the way between the values; a share of the size of J_d
 

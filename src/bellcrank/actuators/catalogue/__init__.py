@@ -1,0 +1,1 @@
+"""Catalogues of motors and gears: their files, columns and checks."""

@@ -1,0 +1,1 @@
+"""Constraints: their derivatives, which rows are independent, mobility, reactions."""

@@ -1,0 +1,108 @@
+"""Motor torques of a mechanism as one compiled function, in which the scene's parameters are inputs of every sample.
+
+Of an open chain the torques are inverse dynamics less the scene's forces (dynamics/inverse/tree_inverse_dynamics.py).
+Of a closed linkage they follow from N, the motions that the constraints allow: with independent velocities v_i and
+dependent ones v_d, J_d v_d = −J_i v_i, hence N = [1; −J_d⁻¹ J_i], and (Nᵀ S) τ = Nᵀ Q for motors at the joints of S and
+the joint forces Q that the motion needs; more motors than degrees of freedom share the load with the least Σ τ²
+(Nakamura & Ghodoussi, IEEE Trans. Robotics Autom. 5, 1989, as in dynamics/inverse/closed_inverse_dynamics.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.cached_values import cached_property
+from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, differentiate_constraints
+from bellcrank.dynamics.constraints.constraint_rows import rows_of
+from bellcrank.elements.joint_constraints import PrescribedMotion
+from bellcrank.elements.symbols import Symbols
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.codegen.compile import Compiled
+    from bellcrank.robot.robot import RobotJoint
+    from bellcrank.scene.scene import Scene
+
+Array = NDArray[np.float64]
+MOST_ROWS = 12  # of constraints that are solved as one expression
+
+
+class MotorTorques:
+    """The torques of motors at some joints under a scene's forces, constraints and parameters.
+
+    Args:
+        scene: The scene; its control and prescribed motions do not count.
+        motors: The joints with motors, each of one degree of freedom.
+        independent: Of a closed linkage, the joints that the motion of the others follows from.
+    """
+
+    def __init__(self, scene: Scene, motors: tuple[RobotJoint, ...], independent: tuple[RobotJoint, ...] = ()) -> None:
+        loops = tuple(c for c in scene.constraints if not isinstance(c, PrescribedMotion))
+        bare = replace(scene, constraints=loops, control=(), events=(), outputs={})
+        self.scene = replace(bare, initial=replace(scene.initial, clock=0.0))
+        self.motors, self.independent = motors, independent
+        self._columns = [joint.v for joint in motors]
+
+    def __call__(self, t: Array, q: Array, v: Array, a: Array, p: Array) -> Array:
+        """Torques (n, k), N m or N, at times t (n,) and states q (n, nq), v and a (n, nv).
+
+        Parameters p are (np,), or (n, np) for other ones at each sample. A row depends on its own sample alone.
+        """
+        return np.asarray(self._code(t[:, None], q, v, a, self.scene.signals_at(t), p))
+
+    @property
+    def solvable(self) -> bool:
+        """Whether the constraints leave a square system for the dependent joints, small enough for one expression."""
+        if not self.scene.constraints:
+            return True
+        rows = len(rows_of(self.scene).kept)
+        return rows == self.scene.robot.nv - len(self.independent) and rows <= MOST_ROWS
+
+    @cached_property
+    def _code(self) -> Compiled:
+        independent = [joint.v for joint in self.independent]
+        rows = rows_of(self.scene).signature if self.scene.constraints else ""
+        key = f"motor torques {self._columns} {independent} {self.scene.physics_key()} {rows}"
+        return self.scene.robot.compiled(key, self._build)
+
+    def _build(self) -> casadi.Function:
+        """(t, q, v, a, u, p) -> the torques."""
+        import casadi
+
+        scene = self.scene
+        s, a = Symbols(scene.robot, scene.parameters, scene.frames), casadi.SX.sym("a", scene.robot.nv)
+        torque = self.expression(s, a)
+        return casadi.Function("motor_torques", [s.t, s.q, s.v, a, s.u, s.p], [casadi.densify(torque)])
+
+    def expression(self, s: Symbols, a: casadi.SX) -> casadi.SX:
+        """The torques (k) as an expression of symbols of the scene and accelerations a (nv)."""
+        scene = self.scene
+        for source in scene.signal_sources:  # all of them, in the order of the scene's signals
+            s.signal(source)
+        need = s.inverse_dynamics(s.q, s.v, a) + scene.robot.equations.friction(s.v)
+        for force in scene.forces:
+            need -= force.generalised_force(s).force
+        return self._shared(s, need) if scene.constraints else need[self._columns]
+
+    def _shared(self, s: Symbols, need: casadi.SX) -> casadi.SX:
+        """The motors' least torques for joint forces `need` of a closed linkage."""
+        import casadi
+
+        kept = SymbolicRows.unscaled(rows_of(self.scene).kept)
+        jacobian = differentiate_constraints(self.scene.constraints, kept, s).jacobian
+        nv, lead = self.scene.robot.nv, [joint.v for joint in self.independent]
+        follow = [v for v in range(nv) if v not in lead]
+        motions = casadi.SX.zeros(nv, len(lead))
+        motions[lead, :] = casadi.SX.eye(len(lead))
+        motions[follow, :] = -casadi.solve(casadi.densify(jacobian[:, follow]), casadi.densify(jacobian[:, lead]))
+        grip, load = casadi.densify(motions[self._columns, :].T), casadi.densify(motions.T @ need)
+        if self._columns == lead:
+            return load
+        if len(self._columns) == len(lead):
+            return casadi.solve(grip, load)
+        return grip.T @ casadi.solve(grip @ grip.T, load)

@@ -1,0 +1,1 @@
+"""Inverse kinematics along the path of a frame, and rotations."""

@@ -1,0 +1,1 @@
+"""Motions from rows of numbers: files, missing derivatives, jumps, interpolation."""

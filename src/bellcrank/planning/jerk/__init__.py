@@ -1,0 +1,1 @@
+"""The fastest motion with limits of jerk."""

@@ -1,0 +1,1 @@
+"""The limits of a motion along a path: joints, motors and gears, tools."""

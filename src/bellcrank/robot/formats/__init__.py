@@ -1,0 +1,1 @@
+"""Readers of robot files: each format becomes one record, `RobotFile`."""

@@ -1,0 +1,1 @@
+"""Files of runs: saved, read, kept while a run is computed."""

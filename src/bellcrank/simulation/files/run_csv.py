@@ -1,0 +1,79 @@
+"""A run as CSV: one row a time, and a header that names each column and its unit, as in motion/sampled/csv_file.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bellcrank.elements.joint_forces import Torque
+from bellcrank.files.csv_files import write_table
+from bellcrank.motion.coordinates import position_labels, velocity_labels
+
+if TYPE_CHECKING:
+    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+
+
+def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
+    """Write time, positions, velocities, accelerations, torques, energies, work, constraints and outputs as CSV.
+
+    `torque` is that of all forces of the scene at a joint; `actuator torque` is the part of actuators and controllers,
+    where the scene has them. Units stand in the header (s, rad, m, N m, N, J, …). Numbers are read back exactly; those
+    that are not finite are `nan`, `inf` or `-inf`. `progress` is called with the number of rows written. Returns the
+    path of the file, which is written atomically. Raises InputError where it cannot be written.
+    """
+
+    def blocks() -> Iterator[Array]:
+        done = 0
+        for part in run.parts():
+            yield columns(part)[1]
+            done += len(part)
+            if progress is not None:
+                progress(done)
+
+    return write_table(path, columns(run.part(slice(0, 1)))[0], blocks())
+
+
+def columns(run: Trajectory) -> tuple[list[tuple[str, str]], Array]:
+    """(name, unit) of every column of a run, and the table (n, columns)."""
+    joints = run.robot.joints
+    driven = [joint for joint in joints if joint.nv == 1]
+    labels = [("time", "s"), *position_labels(joints), *velocity_labels(joints, 1), *velocity_labels(joints, 2)]
+    labels += [(f"{joint.name} torque", torque_unit(joint.kind)) for joint in driven]
+    if run.scene.control or any(isinstance(force, Torque) for force in run.scene.forces):
+        labels += [(f"{joint.name} actuator torque", torque_unit(joint.kind)) for joint in driven]
+        actuators = [run.actuator_torque[:, [joint.v for joint in driven]]]
+    else:
+        actuators = []
+    labels += [("kinetic energy", "J"), ("potential energy", "J"), ("work", "J")]
+    parts = [run.time, run.position, run.velocity, run.acceleration, run.torque[:, [joint.v for joint in driven]]]
+    parts += [*actuators, run.kinetic_energy, run.potential_energy, run.work]
+    for constraint in run.scene.constraints:
+        history = run.constraint(constraint.name)
+        labels += [titled(f"{constraint.name} {label}") for label in history.labels]
+        labels.append((f"{constraint.name} residual", "m or rad"))
+        parts += [history.multipliers, history.residual]
+    for name, values in run.outputs.items():
+        taken = {title for title, _ in labels}
+        own = output_labels(run, name)
+        labels += [(f"{name}: {title}" if title in taken else title, unit) for title, unit in own]
+        parts.append(values)
+    return labels, np.column_stack(parts)
+
+
+def output_labels(run: Trajectory, name: str) -> list[tuple[str, str]]:
+    """(name, unit) of each column of a named output."""
+    return [titled(label) for label in run.scene.outputs[name].labels]
+
+
+def titled(label: str) -> tuple[str, str]:
+    """Title and unit of a label such as "apex x [N]"."""
+    title, _, unit = label.removesuffix("]").rpartition(" [")
+    return title, unit
+
+
+def torque_unit(kind: str) -> str:
+    """The unit of the torque or force of a joint of this kind."""
+    return "N" if kind == "prismatic" else "N m"

@@ -1,0 +1,1 @@
+"""From a scene to the integrator and back: problems, settings, automatic gains, status."""

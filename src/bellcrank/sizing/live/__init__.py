@@ -1,0 +1,1 @@
+"""Sizings of pages that compute: what their reader changes, as expressions."""

@@ -1,0 +1,150 @@
+"""A motion as quintic polynomials between states, from which a page has its states at any time.
+
+The polynomials are of the coordinates q, so that a joint with several degrees of freedom has those of its unit vectors;
+`velocities` gives velocity and acceleration again, of unit vectors that interpolation changes in length.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bellcrank.elements.symbols import Symbols
+from bellcrank.motion.coordinates import continuous, rates
+from bellcrank.motion.motion import Motion
+from bellcrank.motion.sampled.hermite import quintic_polynomial
+from bellcrank.robot.model.joints import unit_vectors
+from bellcrank.sizing.loads.motion_grid import FINEST, grid_along
+
+if TYPE_CHECKING:
+    import casadi
+
+    from bellcrank.robot.robot import Robot
+
+Array = NDArray[np.float64]
+ACCURATE = 2e-10  # of the largest position, speed, acceleration of all joints: joints that accelerate less see more
+ROUNDED = 1e-14  # of the largest position: between two rows close together its rounding shows in the accelerations
+AT_ROWS = 0.1  # of that rounding: errors at the rows themselves that it hides
+EQUAL = 1e-12  # of the same: two states of one time that differ by less are one
+DIGITS = (52, 46, 40)  # binary digits below the largest q, q̇ and q̈ that are kept: the others would not compress
+LONG = 0.1  # of the longest part of a grid: a quintic may end between two parts that last as long
+POINTS = 5  # of a part of a grid: its ends and three points between them
+
+
+class MotionPieces(NamedTuple):
+    """A motion of n coordinates and nv degrees of freedom as m quintics, cut into pieces in which none reverses.
+
+    Attributes:
+        time: When each quintic begins (m,), s.
+        length: How long it lasts (m,), s.
+        states: q, q̇ and q̈ (m, 2, 3 n) at its begin and end.
+        cuts: The number of the quintic of each piece and the shares of it (k, 3) at which the piece begins and ends.
+        sides: The signs of the speeds (k, nv) in each piece, 0 where a joint rests (one_sided.py).
+        rests: States (r, 3 n) before and after the motion, at rest, where it begins and ends at rest.
+        error: The largest error of the quintics, relative to the largest position, speed and acceleration.
+    """
+
+    time: Array
+    length: Array
+    states: Array
+    cuts: Array
+    sides: Array
+    rests: Array
+    error: float
+
+
+def motion_pieces(motion: Motion, robot: Robot) -> MotionPieces:
+    """The pieces of a motion, with as few quintics as are accurate.
+
+    A quintic reaches over reversals between two rows, and over short parts beside them: between two states that are
+    close together, rounding would show in the accelerations.
+    """
+    grid = grid_along(motion)
+    q = grid.position * continuous(robot.joints, grid.position)
+    table = np.hstack([q, *rates(robot.joints, q, grid.velocity, grid.acceleration)])
+    count = np.bincount(grid.part)
+    first = int(count[0] > POINTS and grid.time[0] == grid.time[1])
+    kept = slice(first, first + POINTS * len(count))
+    time, states = grid.time[kept].reshape(-1, POINTS), table[kept].reshape(len(count), POINTS, -1)
+    scales = np.concatenate([np.full(part.shape[1], _largest(part)) for part in np.split(table, 3, axis=1)])
+    step = np.diff(motion.time)[np.clip(np.searchsorted(motion.time, time[:, 2]) - 1, 0, len(motion.time) - 2)]
+    rounding = ROUNDED * scales[0] / step[:, None] ** np.repeat([0, 1, 2], len(scales) // 3) / scales
+    unsure = np.where(np.isin(time, motion.time)[:, :, None], AT_ROWS, 1.0) * rounding[:, None]
+    apart = (np.abs(states[1:, 0] - states[:-1, -1]) > EQUAL * scales).any(axis=1)
+    turns = (np.diff(np.sign(grid.sides.velocity), axis=0) != 0.0).any(axis=1)
+    long = time[:, -1] - time[:, 0] > LONG * motion.duration / FINEST
+    may_end = apart | (~turns & long[1:] & long[:-1]) | np.isin(time[1:, 0], motion.time)
+    found = []
+    bounds = [-1, *np.flatnonzero(apart).tolist(), len(count) - 1]
+    for begin, end in pairwise(bounds):
+        waiting = [(begin + 1, end)]
+        while waiting:
+            low, high = waiting.pop()
+            parts = slice(low, high + 1)
+            error = _error(time[parts], states[parts], scales, unsure[parts])
+            inside = low + np.flatnonzero(may_end[low:high])
+            if error <= ACCURATE or not len(inside):
+                found.append((low, high, error))
+            else:
+                middle = int(inside[np.abs(inside - (low + high) // 2).argmin()])
+                waiting += [(middle + 1, high), (low, middle)]
+    cuts = []
+    for number, (low, high, _) in enumerate(found):
+        ends = [low - 1, *(low + np.flatnonzero(turns[low:high])).tolist(), high]
+        shares = [(time[end, -1] - time[low, 0]) / (time[high, -1] - time[low, 0]) for end in ends[1:-1]]
+        cuts += [(number, *each) for each in zip([0.0, *shares], [*shares, 1.0], strict=True)]
+    lows, highs = [each[0] for each in found], [each[1] for each in found]
+    pieces = np.array(cuts)
+    place = pieces[:, 0].astype(int)
+    starts, lengths = time[lows, 0], time[highs, -1] - time[lows, 0]
+    middle = starts[place] + 0.5 * (pieces[:, 1] + pieces[:, 2]) * lengths[place]
+    part = np.minimum(np.searchsorted(grid.sides.end, middle), len(grid.sides.end) - 1)
+    unit = 2.0 ** (np.ceil(np.log2(scales)) - np.repeat(DIGITS, len(scales) // 3))
+    return MotionPieces(
+        starts,
+        lengths,
+        np.round(np.stack([states[lows, 0], states[highs, -1]], axis=1) / unit) * unit,
+        pieces,
+        np.sign(grid.sides.velocity[part]),
+        np.concatenate([table[:first], table[kept.stop :]]),
+        max(each[2] for each in found),
+    )
+
+
+def velocities(robot: Robot, states: list[casadi.SX]) -> list[casadi.SX]:
+    """q with unit vectors of length 1, v and a, as expressions of those of a polynomial: p, ṗ and p̈ (nq)."""
+    if robot.nq == robot.nv:
+        return states
+    import casadi
+
+    s = Symbols(robot)
+    p, p_rate, p_change = (casadi.SX.sym(name, robot.nq) for name in ("p", "rate", "change"))
+    unit = casadi.SX(p)
+    for part in unit_vectors(robot.joints):
+        unit[part] /= casadi.norm_2(p[part])
+    # E has orthogonal columns: those of lengths and angles have length 1, those of quaternions 1/2.
+    moves = casadi.Function("moves", [s.q], [casadi.jacobian(s.algorithm("configuration_rate")(s.q, s.v), s.v)])
+    size = np.square(np.array(moves(robot.neutral))).sum(axis=0)
+    v = moves(unit).T @ casadi.jtimes(unit, p, p_rate) / casadi.DM(size)
+    a = casadi.jtimes(v, casadi.vertcat(p, p_rate), casadi.vertcat(p_rate, p_change))
+    return list(casadi.Function("velocities", [p, p_rate, p_change], list(map(casadi.densify, (unit, v, a))))(*states))
+
+
+def _largest(values: Array) -> float:
+    return max(float(np.abs(values).max(initial=0.0)), 1e-300)
+
+
+def _error(time: Array, states: Array, scales: Array, unsure: Array) -> float:
+    """The largest error, relative to `scales`, of one quintic through parts, at the points of these, less the rounding
+    of their states there (`unsure`).
+    """
+    length = time[-1, -1] - time[0, 0]
+    s = ((time - time[0, 0]) / length).reshape(-1, 1)
+    (q0, v0, a0), (q1, v1, a1) = (np.split(end, 3) for end in (states[0, 0], states[-1, -1]))
+    ends = (v0 * length, a0 * length**2), (v1 * length, a1 * length**2)
+    p, pd, pdd = quintic_polynomial(s, q0, q1 - q0, *ends)
+    off = np.hstack([p, pd / length, pdd / length**2]) - states.reshape(len(s), -1)
+    return float((np.abs(off) / scales - unsure.reshape(len(s), -1)).max(initial=0.0))

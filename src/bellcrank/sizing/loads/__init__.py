@@ -1,0 +1,1 @@
+"""What each axis bears along a motion: torques, peaks, root mean squares."""

@@ -1,0 +1,1 @@
+"""What runs the designs of a study: runners, threads, processes, clusters, the folder of a study."""

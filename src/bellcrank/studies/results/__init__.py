@@ -1,0 +1,1 @@
+"""Results of studies: measures, tables, files, pictures, statistics."""

@@ -1,0 +1,1 @@
+"""Designs together with motors and gears of a catalogue."""
