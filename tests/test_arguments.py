@@ -218,7 +218,6 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
     linkage, linear = Linkage(four_bar), bc.linearise(pendulum)
     hanging = bc.load_scene("pendulum", {"initial.swing": 0.0})
     loci, periodic = bc.root_loci(pendulum, "initial.swing", [0.1, 0.2]), bc.floquet(hanging, 1.0)
-    config = bc.load_scene("planar_2r").config
     actuator = bc.Actuator(100.0, 1.0, 2.0, 300.0, 400.0)
     payload = bc.Payload(1.0, "tip")
     motion = bc.waypoints(robot, [0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]], samples=11)
@@ -438,8 +437,6 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              trace_frames={"names": ["tip"]},
              with_payloads={"payloads": [payload]}),
         **of(motion, at={"t": [0.1, 0.2], "side": "after"}),
-        **of(config, motion={"robot": config.robot(), "name": next(iter(config.motions))},
-             robot={"extra_payloads": [payload]}),
         "judge": (bc.judge, {"robot": robot, "motions": [motion], "actuators": {"shoulder": actuator},
                              "mass_tolerance": 0.1, "conditions": {"voltage": 48.0}, "payloads": [payload],
                              "allow_massless": [], "overrides": None, "trust": []}),

@@ -14,7 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.actuators.catalogue.catalogue import SHIPPED, catalogue_files, catalogue_tables
+from bellcrank.actuators.catalogue import catalogue_files, catalogue_tables
+from bellcrank.actuators.catalogue.catalogue import SHIPPED
 from bellcrank.actuators.catalogue.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MOTOR_COLUMNS, Column
 from bellcrank.actuators.catalogue.catalogue_row_checks import Range
 from bellcrank.config.units import UNITS
