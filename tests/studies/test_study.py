@@ -17,7 +17,8 @@ from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.designs.design_ranges import LARGEST, DesignRange, RangeSize, UndoneDesigns, true_ranges
-from bellcrank.studies.execution import Part, study_folder
+from bellcrank.studies.execution import study_folder
+from bellcrank.studies.execution.execution import Part
 from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.execution.local_execution import LocalExecutor
 from bellcrank.studies.execution.software_and_processor import differences, environment
