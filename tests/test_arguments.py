@@ -360,7 +360,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "simulate": (bc.simulate, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
             "times": [0.0, 0.01], "samples": 3, "first_step": 1e-3, "max_step": 0.01, "stabilisation": "none",
-            "progress": print, "keep": "kept.npz", "keep_every": 5.0,
+            "progress": print, "checkpoint": "kept.npz", "checkpoint_every": 5.0,
             "sensitivities": [], "controller": None, "sample_time": None, "trust": [], **simulated}),
         "prepare": (bc.prepare, {
             "scene": pendulum, "duration": 0.01, "solver": "RK45", "rtol": 1e-6, "atol": 1e-6, "step": None,
@@ -373,7 +373,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
                              "workers": None,
                              "scheduler": None,
                              "folder": "study", "restart": True, "overrides": {"simulate.duration": 0.01},
-                             "progress": None, "sobol": None, "checking": None, "keep": None, "keep_every": 5.0,
+                             "progress": None, "sobol": None, "checking": None, "on_checkpoint": None,
+                             "checkpoint_every": 5.0,
                              "trust": []}),
         "sobol_indices": (bc.sobol_indices, {
             "scene": pendulum, "vary": {"simulate.rtol": "uniform(1e-7, 1e-6)"}, "n": 2, "seed": 0, "threads": 1,

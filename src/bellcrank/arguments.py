@@ -27,6 +27,8 @@ from bellcrank.messages import format_value, unknown_name
 from bellcrank.numerics import LARGEST as LARGEST  # of masses, inertias, forces and lengths
 
 Array = NDArray[np.float64]
+Progress = Callable[[float, float | None], object]  # (what is done, of how much; None where that is unknown)
+PROGRESS = "a function of how much is done, and of how much"
 T = TypeVar("T")
 P = ParamSpec("P")
 _KEYWORD = re.compile(r"unexpected keyword argument '(\w+)'")

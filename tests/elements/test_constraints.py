@@ -99,9 +99,9 @@ def test_a_rod_along_a_link_repeats_what_the_link_says(plain):
 @pytest.mark.parametrize(
     ("constraints", "ground", "message"),
     [
-        ((PIN, ROD | {"length": 0.9}), 1.0, "row push.* of 'rod'.*smallest: rod 0.0507 m, pin 0.0478 m"),
+        ((PIN, ROD | {"length": 0.9}), 1.0, "row push.* of 'rod'.*residuals: rod 0.0507 m, pin 0.0478 m"),
         ((PIN, NAIL), 1.0, "'nail' cannot hold: row z"),
-        ((PIN,), 3.0, "of 'pin'.*smallest: pin 1.[0-9]+ m"),
+        ((PIN,), 3.0, "of 'pin'.*residuals: pin 1.[0-9]+ m"),
     ],
 )  # fmt: skip
 def test_constraints_that_contradict_or_are_out_of_reach_say_which_and_by_how_much(constraints, ground, message):

@@ -91,7 +91,7 @@ def stopped_by_its_caller(scene, folder, blocks=3, **settings):
 
     with pytest.raises(FailureError), pytest.MonkeyPatch.context() as patch:
         patch.setattr(checkpoints, "SPACING", 0.0)
-        bc.simulate(scene, progress=fail, keep=folder / "run.npz", keep_every=0.01, **settings)
+        bc.simulate(scene, progress=fail, checkpoint=folder / "run.npz", checkpoint_every=0.01, **settings)
     return folder / "run.blocks"
 
 
@@ -132,13 +132,13 @@ def test_blocks_are_the_rows_of_the_whole_run_to_the_bit_up_to_their_end(tmp_pat
 
 def test_a_run_that_ends_leaves_its_file_and_no_blocks_and_the_numbers_are_the_same(tmp_path):
     settings = {"duration": 20.0, "max_step": 1e-4}
-    kept = bc.simulate("pendulum", keep=tmp_path / "deep" / "run.npz", keep_every=0.01, **settings)
+    kept = bc.simulate("pendulum", checkpoint=tmp_path / "deep" / "run.npz", checkpoint_every=0.01, **settings)
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["run.npz"]
     plain, loaded = bc.simulate("pendulum", **settings), bc.load_run(tmp_path / "deep" / "run.npz")
     for run in (kept, loaded):
         assert np.array_equal(run.state, plain.state) and np.array_equal(run.steps, plain.steps)
         assert run.status == "finished"
-    bc.simulate("pendulum", duration=0.1, keep=tmp_path / "short")  # shorter than the time between blocks
+    bc.simulate("pendulum", duration=0.1, checkpoint=tmp_path / "short")  # shorter than the time between blocks
     assert (tmp_path / "short.npz").is_file() and not left(tmp_path)
 
 
@@ -177,8 +177,8 @@ def test_blocks_that_are_no_blocks_are_refused_in_one_sentence(tmp_path):
     with pytest.raises(InputError, match="found something else"):
         bc.simulate("pendulum", duration=0.1, keep=tmp_path / "mine.npz")
     for every in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(InputError, match=r"keep_every.*more than 0"):
-            bc.simulate("pendulum", duration=0.1, keep=tmp_path / "x.npz", keep_every=every)
+        with pytest.raises(InputError, match=r"checkpoint_every.*more than 0"):
+            bc.simulate("pendulum", duration=0.1, keep=tmp_path / "x.npz", checkpoint_every=every)
 
 
 @pytest.mark.parametrize("name", ["about.npz", "0001.npz", "0002.npz"])
@@ -256,7 +256,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_all_rows_in_blocks(tmp_path, monk
     monkeypatch.setattr(checkpoints, "save_run", full)
     scene = bc.load_scene("pendulum").with_overrides(PASSES)
     with pytest.raises(NotSavedError, match=r"all of it is kept in .*run\.blocks") as found:
-        bc.simulate(scene, duration=30.0, max_step=1e-4, samples=5001, keep=tmp_path / "run.npz", keep_every=0.01)
+        bc.simulate(scene, duration=30.0, max_step=1e-4, samples=5001, keep=tmp_path / "run.npz", checkpoint_every=0.01)
     run, kept = found.value.run, bc.load_run(tmp_path / "run.blocks")
     assert run.status == kept.status == "finished" and run.statistics == kept.statistics
     assert np.array_equal(run.time, kept.time) and np.array_equal(run.state, kept.state)
@@ -338,7 +338,7 @@ def test_what_the_disk_takes_is_written_what_matters_most_first_and_the_rest_is_
 def test_a_sweep_hands_over_what_is_done_ever_so_often(monkeypatch):
     seen = []
     vary = {"crank_length": np.linspace(1.2, 1.3, 400)}
-    whole = bc.sweep("four_bar", vary, threads=1, keep=seen.append, keep_every=1e-3)
+    whole = bc.sweep("four_bar", vary, threads=1, on_checkpoint=seen.append, checkpoint_every=1e-3)
     counts = [len(part) for part in seen]
     assert counts == sorted(set(counts)) and 0 < counts[0] < 400 and not seen[0].complete
     for part in seen:
@@ -366,7 +366,7 @@ SLOW = ["--set", "simulate.max_step=1e-3", "--no-plots"]
 @pytest.mark.tier2
 def test_a_sweep_that_is_killed_keeps_its_designs_and_the_same_command_goes_on(tmp_path, capsys):
     command = ["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:3000", *SLOW, "--out", str(tmp_path)]
-    process = begun(*command, "--threads", "1", "--keep-every", "0.05")
+    process = begun(*command, "--threads", "1", "--checkpoint-every", "0.05")
     wait_for(process, tmp_path / "checkpoints" / "000001.npz")
     process.kill()
     process.communicate()
@@ -390,10 +390,10 @@ def test_a_sweep_that_is_killed_keeps_its_designs_and_the_same_command_goes_on(t
 @pytest.mark.parametrize(
     ("number", "command", "result", "status"),
     [
-        (signal.SIGTERM, [*SWING, *LONG, "--keep-every", "0.1"], "run.npz", 143),
+        (signal.SIGTERM, [*SWING, *LONG, "--checkpoint-every", "0.1"], "run.npz", 143),
         (
             signal.SIGHUP,
-            ["sweep", "four_bar", "--vary", "crank_length=1.21:1.24:100001", *SLOW, "--keep-every", "0.05"],
+            ["sweep", "four_bar", "--vary", "crank_length=1.21:1.24:100001", *SLOW, "--checkpoint-every", "0.05"],
             "sweep.partial.json",
             129,
         ),
@@ -636,8 +636,8 @@ def check_files(folder):
 def test_no_kill_at_any_moment_leaves_half_a_file_and_the_next_run_cleans_up(tmp_path):
     dice = random.Random(11)
     commands = [
-        ([*SWING, *LONG, "--keep-every", "0.05", "--out", "run"], 1.8),
-        (["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1:999", *SLOW, "--keep-every", "0.05",
+        ([*SWING, *LONG, "--checkpoint-every", "0.05", "--out", "run"], 1.8),
+        (["sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1:999", *SLOW, "--checkpoint-every", "0.05",
           "--out", "sweep"], 1.6),
         (["replay", "planar_2r_swing", "--out", "page.html"], 1.2),
     ]  # fmt: skip

@@ -148,7 +148,7 @@ def test_an_interrupted_sweep_goes_on_to_the_same_numbers(tmp_path, scene):
         if done > 0:
             raise KeyboardInterrupt
 
-    first = bc.sweep(scene, vary, **given, folder=tmp_path / "study", keep_every=1e-6, progress=stop)
+    first = bc.sweep(scene, vary, **given, folder=tmp_path / "study", checkpoint_every=1e-6, progress=stop)
     assert 0 < len(first) < 2048 and not first.complete
     counts = []
     again = bc.sweep(scene, vary, **given, folder=tmp_path / "study", progress=lambda done, of: counts.append(done))

@@ -255,7 +255,9 @@ def test_checkpoints_of_a_sampled_loop_open_as_a_run(tmp_path):
             raise RuntimeError("stopped")
 
     with pytest.raises(RuntimeError, match="stopped"):
-        bc.simulate(scene, duration=1e4, samples=100_001, keep=tmp_path / "run.npz", keep_every=0.05, progress=stop)
+        bc.simulate(
+            scene, duration=1e4, samples=100_001, checkpoint=tmp_path / "run.npz", checkpoint_every=0.05, progress=stop
+        )
     part = bc.load_run(tmp_path / "run.blocks")
     whole = bc.simulate(scene, duration=1.0, times=[0.9])
     row = int(np.argmin(np.abs(part.time - 0.9)))

@@ -58,7 +58,7 @@ class Borrowed:
 @pytest.mark.tier2
 def test_rows_are_those_without_dask(cluster, tmp_path):
     with StudyFolder(tmp_path) as place:
-        run = run_study(SmallSpace(COUNT), SmallRunner(), cluster, folder=place, keep_every=0.0)
+        run = run_study(SmallSpace(COUNT), SmallRunner(), cluster, folder=place, checkpoint_every=0.0)
     assert run.complete and same_columns(run.columns, expected_columns(COUNT))
     notes = []
     with StudyFolder(tmp_path, notify=notes.append) as place:  # what workers began, threads go on with

@@ -47,12 +47,12 @@ class InRanges(LocalExecutor):
             count += 1
 
 
-def unfinished(folder, parts=12, keep_every=1e6, **identity):
+def unfinished(folder, parts=12, checkpoint_every=1e6, **identity):
     """Run the first `parts` ranges of 100 designs, and be interrupted."""
     space, runner = SmallSpace(COUNT), SmallRunner()
     space.identity |= identity
     with StudyFolder(folder, notify=list) as place:
-        run = run_study(space, runner, InRanges(parts=parts), folder=place, keep_every=keep_every)
+        run = run_study(space, runner, InRanges(parts=parts), folder=place, checkpoint_every=checkpoint_every)
     assert not run.complete and len(run.columns) == 100 * parts
     return run
 
@@ -136,9 +136,9 @@ def test_a_short_study_writes_nothing(tmp_path):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@pytest.mark.parametrize("keep_every", [0.0, 1e6])
-def test_a_study_goes_on_where_it_was_interrupted(tmp_path, keep_every):
-    first = unfinished(tmp_path, keep_every=keep_every)
+@pytest.mark.parametrize("checkpoint_every", [0.0, 1e6])
+def test_a_study_goes_on_where_it_was_interrupted(tmp_path, checkpoint_every):
+    first = unfinished(tmp_path, checkpoint_every=checkpoint_every)
     np.testing.assert_array_equal(first.designs, np.arange(1200))
     notes = []
     run = resumed(tmp_path, notes)
@@ -173,7 +173,7 @@ def test_a_full_disk_does_not_end_a_study(tmp_path, monkeypatch):
     notes = []
     with monkeypatch.context() as patched, StudyFolder(tmp_path, notify=notes.append) as place:
         patched.setattr(study_folder, "write_archive", full)
-        run = run_study(SmallSpace(COUNT), SmallRunner(), InRanges(), folder=place, keep_every=0.0)
+        run = run_study(SmallSpace(COUNT), SmallRunner(), InRanges(), folder=place, checkpoint_every=0.0)
     assert run.complete and same_columns(run.columns, expected_columns(COUNT))
     assert len(notes) == 1 and "No space left" in notes[0] and "the study goes on" in notes[0]
 
@@ -276,7 +276,7 @@ def _flip(data):
 
 @pytest.mark.parametrize("damage", [_cut, _flip, lambda data: b"", lambda data: b"\0" * len(data)])
 def test_a_damaged_file_is_computed_anew_and_said(tmp_path, damage):
-    unfinished(tmp_path, keep_every=0.0)
+    unfinished(tmp_path, checkpoint_every=0.0)
     files = sorted((tmp_path / "checkpoints").glob("*.npz"))
     assert len(files) >= 2
     files[0].write_bytes(damage(files[0].read_bytes()))
@@ -377,7 +377,7 @@ def test_a_study_that_is_killed_loses_nothing_that_was_kept(tmp_path):
 def test_a_sweep_command_that_is_killed_again_and_again_gives_the_same_table(tmp_path):
     command = [
         sys.executable, "-m", "bellcrank", "sweep", "planar_2r_swing", "--vary", "initial.elbow=0.1:1.0:1000",
-        "--set", "simulate.max_step=1e-3", "--no-plots", "--threads", "1", "--keep-every", "0.05", "--out",
+        "--set", "simulate.max_step=1e-3", "--no-plots", "--threads", "1", "--checkpoint-every", "0.05", "--out",
     ]  # fmt: skip
     for name in ("compiled", "whole"):
         begun = time.monotonic()

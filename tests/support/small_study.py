@@ -1,7 +1,7 @@
 """A study that needs no scene: designs (a, b) and measures in closed form, with rows that fail and values that are NaN.
 
 As a program it runs a study in a folder, and prints a line whenever rows are kept:
-python small_study.py FOLDER DESIGNS SECONDS_A_DESIGN KEEP_EVERY
+python small_study.py FOLDER DESIGNS SECONDS_A_DESIGN CHECKPOINT_EVERY
 """
 
 import hashlib
@@ -97,7 +97,7 @@ def digest(columns):
     return hashlib.sha256(b"".join(data)).hexdigest()
 
 
-def main(folder, count, seconds, keep_every):
+def main(folder, count, seconds, checkpoint_every):
     from bellcrank.studies.execution.local_execution import LocalExecutor
     from bellcrank.studies.execution.study import run_study
     from bellcrank.studies.execution.study_folder import StudyFolder
@@ -118,7 +118,7 @@ def main(folder, count, seconds, keep_every):
 
         run = run_study(
             SmallSpace(int(count)), runner, LocalExecutor(1), folder=place, progress=progress,
-            keep_every=float(keep_every),
+            checkpoint_every=float(checkpoint_every),
         )  # fmt: skip
         print("digest", digest(run.columns), flush=True)
         place.remove_checkpoints()

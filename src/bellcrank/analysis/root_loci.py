@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from bellcrank import arguments
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.linearise import linearise
 from bellcrank.analysis.mode import pair
+from bellcrank.arguments import Progress
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
@@ -37,7 +38,7 @@ class RootLoci:
 
     Attributes:
         name: The scene's name.
-        path: The path of the number in the scene.
+        parameter: The number that is varied, by its path in the scene.
         values: Its values (n,), as given.
         linearisations: The linear equations at each value; None where there is no steady operating point.
         eigenvalues: (n, k) 1/s, each column followed from value to value; NaN where there is none.
@@ -51,7 +52,7 @@ class RootLoci:
     """
 
     name: str
-    path: str
+    parameter: str
     values: tuple[Any, ...]
     linearisations: tuple[Linearisation | None, ...]
     eigenvalues: Complex
@@ -113,7 +114,7 @@ class RootLoci:
             3
         """
         titles = [f"{part} {k + 1} [1/s]" for k in range(self.eigenvalues.shape[1]) for part in ("Re", "Im")]
-        table: list[list[object]] = [[self.path, *titles]]
+        table: list[list[object]] = [[self.parameter, *titles]]
         for value, row in zip(self.values, self.eigenvalues, strict=True):
             cells = [x for each in row.tolist() for x in pair(each)]
             table.append(
@@ -134,7 +135,7 @@ class RootLoci:
         """
         return {
             "name": self.name,
-            "path": self.path,
+            "parameter": self.parameter,
             "values": [value if isinstance(value, str) else _plain(value) for value in self.values],
             "eigenvalues": [
                 None if np.isnan(row).any() else [pair(x) for x in row.tolist()] for row in self.eigenvalues
@@ -147,11 +148,11 @@ class RootLoci:
 @arguments.named
 def root_loci(
     scene: Scene | Robot | str | Path,
-    path: str,
+    parameter: str,
     values: Sequence[Any],
     at: str | None = None,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> RootLoci:
     """Linearise a scene for several values of one of its numbers.
 
@@ -159,7 +160,8 @@ def root_loci(
 
     Args:
         scene: A scene or robot, or the path or name of its file.
-        path: The path of the number, as in `Scene.with_overrides`: a parameter's name, "initial.velocity.wheel", ….
+        parameter: The number that is varied, by its path as in `Scene.with_overrides`: a parameter's name,
+            "initial.velocity.wheel", ….
         values: Its values.
         at: The operating point, as in `linearise`: "equilibrium", "steady" or "start".
         progress: Called with the number of values done and of all.
@@ -177,8 +179,8 @@ def root_loci(
         [2.7386, 5.4772]
     """
     scene = given_scene(scene)
-    if not arguments.text("path", path, "the path of a number of the scene").isprintable():
-        arguments.refuse("path", "the path of a number of the scene", path)
+    if not arguments.text("parameter", parameter, "the path of a number of the scene").isprintable():
+        arguments.refuse("parameter", "the path of a number of the scene", parameter)
     listed = arguments.several("values", values, object, "values")
     if not 1 <= len(listed) <= MOST_VALUES:
         raise InputError(f"argument 'values': expected 1 to {MOST_VALUES} values, found {len(listed)}")
@@ -190,9 +192,9 @@ def root_loci(
     failures: list[tuple[Any, str]] = []
     for k, value in enumerate(listed):
         try:
-            changed = scene.with_overrides({path: value})
+            changed = scene.with_overrides({parameter: value})
         except InputError as error:
-            raise InputError(f"arguments 'path' and 'values': {error}") from None
+            raise InputError(f"arguments 'parameter' and 'values': {error}") from None
         try:
             linear = linearise(changed, at, keep_symmetries=False)
             if not linear.steady:
@@ -204,9 +206,9 @@ def root_loci(
         if progress is not None:
             progress(k + 1, len(listed))
     if all(linear is None for linear in found):
-        raise InputError(f"{path}: no value has a steady operating point; for {listed[0]}: {failures[0][1]}")
+        raise InputError(f"{parameter}: no value has a steady operating point; for {listed[0]}: {failures[0][1]}")
     return RootLoci(
-        name=scene.name, path=path, values=listed, linearisations=tuple(found),
+        name=scene.name, parameter=parameter, values=listed, linearisations=tuple(found),
         eigenvalues=_followed([None if each is None else each.eigenvalues for each in found]), failures=tuple(failures),
     )  # fmt: skip
 

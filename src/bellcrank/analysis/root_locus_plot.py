@@ -78,7 +78,7 @@ def plot_root_loci(loci: RootLoci, path: Path | None) -> Figure:
     real.axhline(0.0, color="black", linewidth=0.8)
     for axes in (real, imaginary):
         _shade_unstable(axes, loci)
-    name = literal(loci.path)
+    name = literal(loci.parameter)
     for axes, x, y, title in (
         (plane, "real part [1/s]", "imaginary part [1/s]", "eigenvalues"),
         (real, "", "real part [1/s]", "growth (shaded where a mode grows)"),

@@ -146,7 +146,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     with counting(f"fastest along {name}", "cells") as progress:
         found = time_optimal(
             scene, name, limits, grid=grid, payloads=payloads,
-            progress=lambda cells, _: progress(cells, cells),
+            progress=progress,
         )  # fmt: skip
     print(found.table())
     for warning in found.warnings:

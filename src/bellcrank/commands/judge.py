@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from bellcrank.commands.options import (
@@ -99,21 +98,23 @@ def _simulated(arguments: argparse.Namespace, limits: dict[str, float]) -> bool:
     """Simulate the drives, print how they follow, and return whether the limits are kept. Raises BellcrankError."""
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.sizing.verification import verify_selection
+    from bellcrank.terminal.progress import counting
 
     unused = [name for name, given in (
         ("--payload", arguments.payload), ("--mass-tolerance", arguments.mass_tolerance != "0"),
         ("conditions of the command line", conditions(arguments)),
     ) if given]  # fmt: skip
-    found = verify_selection(
-        arguments.robot,
-        arguments.motion or None,
-        settle=number_option("--settle", arguments.settle, "s", least=0.0, most=1e6) or 0.0,
-        frame=arguments.frame,
-        limits=limits,
-        overrides=dict(parse_assignment(text) for text in arguments.changes) or None,
-        trust=arguments.trust,
-        progress=lambda name: print(f"simulating motion '{name}' …", file=sys.stderr),
-    )
+    with counting("simulate", " motions") as progress:
+        found = verify_selection(
+            arguments.robot,
+            arguments.motion or None,
+            settle=number_option("--settle", arguments.settle, "s", least=0.0, most=1e6) or 0.0,
+            frame=arguments.frame,
+            limits=limits,
+            overrides=dict(parse_assignment(text) for text in arguments.changes) or None,
+            trust=arguments.trust,
+            progress=progress,
+        )
     print(f"\n{found}")
     if unused:
         print(f"note: not part of the simulation: {', '.join(unused)}; write them in the file")

@@ -137,19 +137,23 @@ def add_allow_massless(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_keep_every(parser: argparse.ArgumentParser) -> None:
-    """--keep-every, how often results are saved during the computation."""
+def add_checkpoint_every(parser: argparse.ArgumentParser) -> None:
+    """--checkpoint-every, how often results are saved during the computation."""
     parser.add_argument(
-        "--keep-every", metavar="S", help="save the results so far about every S seconds of computing time (default: 5)"
+        "--checkpoint-every",
+        metavar="S",
+        help="save the results so far about every S seconds of computing time (default: 5)",
     )
 
 
-def keep_every(arguments: argparse.Namespace) -> float:
+def checkpoint_every(arguments: argparse.Namespace) -> float:
     """The seconds of computing time between two saves. Raises InputError."""
-    from bellcrank.simulation.files.checkpoints import KEEP_EVERY, LONGEST_KEEP
+    from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY, LONGEST_BETWEEN_CHECKPOINTS
 
-    seconds = number_option("--keep-every", arguments.keep_every, "s", above=0.0, most=LONGEST_KEEP)
-    return KEEP_EVERY if seconds is None else seconds
+    seconds = number_option(
+        "--checkpoint-every", arguments.checkpoint_every, "s", above=0.0, most=LONGEST_BETWEEN_CHECKPOINTS
+    )
+    return CHECKPOINT_EVERY if seconds is None else seconds
 
 
 def number_option(

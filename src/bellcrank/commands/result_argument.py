@@ -119,7 +119,7 @@ def _simulated(scene: Scene) -> Trajectory:
     from bellcrank.simulation.simulate import simulate
 
     with simulation_progress(scene.settings.duration) as progress:
-        run = simulate(scene, progress=progress)
+        run = simulate(scene, progress=lambda time, _: progress(time))
         progress(float(run.time[-1]))
     return run
 

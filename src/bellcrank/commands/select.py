@@ -318,7 +318,7 @@ def _designs(arguments: argparse.Namespace, catalogue: Catalogue, settings: dict
     changes = dict(parse_assignment(text) for text in arguments.changes)
     with counting("designs", " designs") as bar, interruption.held() as check:
 
-        def progress(done: int, of: int) -> None:
+        def progress(done: float, of: float | None) -> None:
             check()
             bar(done, of)
 

@@ -9,12 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bellcrank.arguments import Progress
 from bellcrank.commands.options import (
-    add_keep_every,
+    add_checkpoint_every,
     add_page,
     add_set,
     add_trust,
-    keep_every,
+    checkpoint_every,
     number_option,
     page_of,
     whole_option,
@@ -74,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="estimate the error of positions by repeated runs, even if these take more than a second",
     )
-    add_keep_every(parser)
+    add_checkpoint_every(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -95,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     samples = whole_option("--samples", arguments.samples, 2, 10**18)
     changes = dict(parse_assignment(text) for text in arguments.changes)
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_run")
-    target, every = folder / "run.npz", keep_every(arguments)
+    target, every = folder / "run.npz", checkpoint_every(arguments)
     page_of(arguments, folder / "report.html")
     check_folder("--out", folder, [target.name, "run.csv", "run.png", "path_*.png", "sensitivities.*", "report.html"])
     scene = load_scene(arguments.scene, trust=arguments.trust)
@@ -112,14 +113,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"note: an earlier run into {folder} did not finish; its partial results are now in {unfinished}")
     with interruption.held() as check, simulation_progress(duration) as bar:
 
-        def progress(time: float) -> None:
+        def progress(time: float, _: float | None) -> None:
             check()
             bar(time)
 
         try:
             result = simulate(
-                scene, solver=arguments.solver, samples=samples, progress=progress, keep=target, keep_every=every,
-                sensitivities=arguments.sensitivity, **numbers,
+                scene, solver=arguments.solver, samples=samples, progress=progress, checkpoint=target,
+                checkpoint_every=every, sensitivities=arguments.sensitivity, **numbers,
             )  # fmt: skip
         except NotSavedError as error:
             print(error.run.summary())
@@ -218,11 +219,11 @@ def simulation_progress(duration: float) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def _row_bar(rows: int) -> Iterator[Callable[[int], None]]:
+def _row_bar(rows: int) -> Iterator[Progress]:
     """A progress bar over written rows, shown after a second; yields a function to call with their number."""
     with bars()(total=rows, desc="run.csv", unit=" rows", unit_scale=True) as bar:
 
-        def progress(done: int) -> None:
+        def progress(done: float, _: float | None) -> None:
             bar.update(done - bar.n)
 
         yield progress

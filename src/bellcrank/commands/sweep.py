@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.commands import sweep_statistics
-from bellcrank.commands.options import add_keep_every, add_trust, keep_every, page_of, whole_option
+from bellcrank.commands.options import add_checkpoint_every, add_trust, checkpoint_every, page_of, whole_option
 from bellcrank.commands.output_files import list_on_failure, output_path, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="set an unfinished sweep in the folder aside, instead of going on with it",
     )
     parser.add_argument("--no-plots", action="store_true", help="do not write a picture")
-    add_keep_every(parser)
+    add_checkpoint_every(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_place(f"{Path(arguments.scene).stem}_sweep")
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
-    executor, every = choose_executor(threads, workers, arguments.scheduler), keep_every(arguments)
+    executor, every = choose_executor(threads, workers, arguments.scheduler), checkpoint_every(arguments)
     check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *sweep_statistics.NAMES])
     if page_of(arguments, folder / "sweep.html") is None and arguments.live:  # is refused before anything is computed
         raise InputError("--live says what the page does; give --page too")
@@ -92,11 +92,11 @@ def run(arguments: argparse.Namespace) -> int:
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
     with study, counting("sweep", " designs") as bar, interruption.held() as check:
 
-        def progress(done: int, count: int) -> None:
+        def progress(done: float, count: float | None) -> None:
             check()
             bar(done, count)
 
-        result = run_sweep(plan, executor, folder=study, progress=progress, keep_every=every)
+        result = run_sweep(plan, executor, folder=study, progress=progress, checkpoint_every=every)
         try:
             files = write_tables(result, folder) if len(result) else []
         except InputError:

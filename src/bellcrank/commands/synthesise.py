@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
                 transmission_angle=arguments.transmission_angle,
                 longest=arguments.longest,
                 seed=seed,
-                progress=bar,
+                progress=lambda share, _: bar(share),
             )
         except InputError as error:
             names = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import bounds_at
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
@@ -49,7 +50,7 @@ def time_optimal(
     payloads: Iterable[Payload] = (),
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
-    progress: Callable[[int, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> FastestMotion:
     """Find the fastest motion along a path, from rest to rest, within the limits of joints, motors and gears.
 
@@ -70,7 +71,7 @@ def time_optimal(
         payloads: Payloads besides those that the robot carries.
         overrides: Values of a scene, configuration or URDF to change, by dotted path.
         trust: Folders whose files a configuration or URDF may name.
-        progress: Called with the number of cells and the time of the motion so far, s.
+        progress: Called with the number of cells so far, and None, as it is not known how many follow.
 
     Returns:
         The fastest motion.
@@ -95,16 +96,18 @@ def time_optimal(
     bounds = PathLimits(subject.mechanism, subject.actuators, limits, transmissions=subject.transmissions)
     if grid and bounds.jerk_groups:
         raise InputError("argument 'grid': limits of jerk need cells that adapt themselves; leave the grid out")
+    report = None if progress is None else arguments.function("progress", progress, PROGRESS)
+    told = None if report is None else lambda cells, _: report(cells, None)
     timings: list[PathTiming | JerkTiming] = []
     for one in paths:
         _check_limited(bounds, one)
         if bounds.jerk_groups:
-            timings.append(jerk_limited(one, bounds, progress))
+            timings.append(jerk_limited(one, bounds, told))
             continue
         if grid:
             timings.append(fastest_on_grid(one, bounds, grid))
             continue
-        timings.append(fastest_refined(one, bounds, progress))
+        timings.append(fastest_refined(one, bounds, told))
     _check_speeds(paths, timings)
     title = "path" if original is None else original.name
     parts = [timed_motion(one, t, bounds, grid is None) for one, t in zip(paths, timings, strict=True)]

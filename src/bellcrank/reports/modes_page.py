@@ -54,7 +54,7 @@ def _document(scene: Scene, linear: Linearisation, loci: RootLoci | None) -> Doc
     ]
     parts += [Facts(f"Drive of {drive.joint}", tuple(drive.rows())) for drive in linear.drives]
     if loci is not None:
-        parts.append(Picture(f"Eigenvalues over {loci.path}", svg_of(plot_root_loci(loci, None)), screen=True))
+        parts.append(Picture(f"Eigenvalues over {loci.parameter}", svg_of(plot_root_loci(loci, None)), screen=True))
     return Document(
         title=f"{linear.name}: modes",
         status=status,

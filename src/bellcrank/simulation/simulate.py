@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.config.fields import Fields
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.sampled_controllers import FunctionController
@@ -15,7 +16,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.settings import Stabilisation
-from bellcrank.simulation.files.checkpoints import KEEP_EVERY, CheckpointWriter
+from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY, CheckpointWriter
 from bellcrank.simulation.integration.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ def simulate(
     max_step: float | None = None,
     max_evaluations: int | None = None,
     stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
-    progress: Callable[[float], None] | None = None,
-    keep: str | Path | None = None,
-    keep_every: float = KEEP_EVERY,
+    progress: Progress | None = None,
+    checkpoint: str | Path | None = None,
+    checkpoint_every: float = CHECKPOINT_EVERY,
     sensitivities: Sequence[str] = (),
     controller: Callable[[float, Array, Array], Any] | None = None,
     sample_time: float | None = None,
@@ -76,11 +77,11 @@ def simulate(
         max_evaluations: The run ends after so many evaluations of the equations.
         stabilisation: How constraints are kept: "projection", "none", {"kind": "baumgarte", "alpha": 20, "beta": 20}
             (1/s) or {"kind": "baumgarte", "gains": "auto"}.
-        progress: Called with the time reached, s, about every 0.1 s.
-        keep: An .npz file in which the run is saved at its end. Until then, what is computed is saved in a folder of
-            checkpoints beside it, run.blocks for run.npz, which `load_run` reads too; the folder is removed when the
+        progress: Called with the time reached and the time at the end, s, about every 0.1 s.
+        checkpoint: An .npz file in which the run is saved at its end. Until then, what is computed is saved in a folder
+            of checkpoints beside it, run.blocks for run.npz, which `load_run` reads too; the folder is removed when the
             file is complete. Checkpoints that an earlier, unfinished run left are moved to run.blocks.1, and so on.
-        keep_every: Seconds of computing between two checkpoints.
+        checkpoint_every: Seconds of computing between two checkpoints.
         sensitivities: What derivatives of the run are wanted by: names of the scene's parameters, "initial.JOINT" and
             "initial.velocity.JOINT" for values of the start. `Trajectory.sensitivity` returns them.
         controller: A function (t, position, velocity) -> torques (N m or N) of the joints with motors, as an array or a
@@ -105,8 +106,7 @@ def simulate(
         lock at 12.2678 s
     """
     scene = given_scene(scene, overrides, trust)
-    if progress is not None:
-        arguments.function("progress", progress, "a function of the time reached")
+    report = None if progress is None else arguments.function("progress", progress, PROGRESS)
     if controller is not None:
         scene = with_function(scene, controller, sample_time)
     elif sample_time is not None:
@@ -122,11 +122,14 @@ def simulate(
         from bellcrank.simulation.sensitivities.sensitivity_integration import propagated, variables_of
 
         variables = variables_of(integration.scene, names)  # wrong names are refused before the run
-    if keep is None:
-        run = integration.run(progress)
+    told = None if report is None else lambda time: report(time, integration.duration)
+    if checkpoint is None:
+        run = integration.run(told)
     else:
-        checkpoints = CheckpointWriter(arguments.path("keep", keep, "the path of a run (.npz)"), keep_every)
-        run = integration.run(progress, checkpoints)
+        checkpoints = CheckpointWriter(
+            arguments.path("checkpoint", checkpoint, "the path of a run (.npz)"), checkpoint_every
+        )
+        run = integration.run(told, checkpoints)
         checkpoints.finish(run)
     if names:
         run.remember_sensitivities(propagated(integration, run, variables))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from bellcrank.actuators.electrical import copper_loss, friction_loss
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
@@ -243,7 +244,7 @@ def verify_selection(
     sample_time: float = 1e-3,
     overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> SelectionVerification:
     """Simulate a robot with its drives in the loop along its motions, and measure how the axes follow.
 
@@ -262,7 +263,7 @@ def verify_selection(
         sample_time: Of servos that the file does not describe, s.
         overrides: Values of the scene to change, by dotted path.
         trust: Folders whose files the scene may name, besides those near it.
-        progress: Called with the name of each motion before it is simulated.
+        progress: Called with the number of motions that are simulated, and of all.
 
     Returns:
         The SelectionVerification; `print` shows it.
@@ -282,7 +283,7 @@ def verify_selection(
     if not period > 0.0:
         arguments.refuse("sample_time", "a time of more than 0 (s)", sample_time)
     if progress is not None:
-        arguments.function("progress", progress, "a function of the name of a motion")
+        arguments.function("progress", progress, PROGRESS)
     with ExitStack() as stack:
         whole = _scene_of(scene, overrides, trust, stack)
         names = _motion_names(whole, motions)
@@ -290,9 +291,9 @@ def verify_selection(
         point = _frame(whole, frame)
         runs = {}
         for name in names:
-            if progress is not None:
-                progress(name)
             runs[name] = _run(whole, name, rest)
+            if progress is not None:
+                progress(len(runs), len(names))
     axes = [_followed(run, drive, name) for name, run in runs.items() for drive in run.scene.drives]
     drives, why = _dynamics(runs[names[0]])
     notes += why

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from bellcrank import arguments
+from bellcrank.arguments import Progress
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.results.sensitivity import Sensitivity
@@ -25,7 +26,7 @@ def sobol_indices(
     workers: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Sensitivity:
     """Find which parameters the spread of a scene's measures comes from.
 

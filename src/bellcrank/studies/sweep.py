@@ -12,11 +12,12 @@ from typing import Any, Self
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arguments import Progress
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.files.checkpoints import KEEP_EVERY, SPACING, check_keep_every
+from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY, SPACING, check_checkpoint_every
 from bellcrank.studies.execution.execution import Executor, Part, Work
 from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.execution.fastest_runner import FastestRunner
@@ -45,10 +46,10 @@ def sweep(
     scheduler: str | None = None,
     folder: str | Path | None = None,
     restart: bool = False,
-    progress: Callable[[int, int], None] | None = None,
-    checking: Callable[[int, int], None] | None = None,
-    keep: Callable[[Sweep], object] | None = None,
-    keep_every: float = KEEP_EVERY,
+    progress: Progress | None = None,
+    checking: Progress | None = None,
+    on_checkpoint: Callable[[Sweep], object] | None = None,
+    checkpoint_every: float = CHECKPOINT_EVERY,
     trust: Trust = (),
 ) -> Sweep:
     """Simulate or size a scene for all combinations of values of its parameters, or for a sample of distributions.
@@ -85,9 +86,9 @@ def sweep(
         restart: Set an earlier sweep in the folder aside, instead of going on with it.
         progress: Called with the number of designs done and the number of all.
         checking: Called before, with the number of values of an axis that are checked and the number of all.
-        keep: Called with the sweep of the designs that are done about every `keep_every` s; less often where that takes
-            long.
-        keep_every: s between two calls of `keep`, and between two checkpoints in `folder`.
+        on_checkpoint: Called with the sweep of the designs that are done about every `checkpoint_every` s; less often
+            where that takes long.
+        checkpoint_every: s between two calls of `on_checkpoint`, and between two checkpoints in `folder`.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
@@ -107,10 +108,10 @@ def sweep(
         True
     """
     scene = given_scene(scene, overrides, trust)
-    for name, called in (("progress", progress), ("checking", checking), ("keep", keep)):
+    for name, called in (("progress", progress), ("checking", checking), ("on_checkpoint", on_checkpoint)):
         if called is not None:
             arguments.function(name, called)
-    check_keep_every(keep_every)
+    check_checkpoint_every(checkpoint_every)
     executor = choose_executor(threads, workers, scheduler)
     if folder is not None:
         folder = arguments.path("folder", folder, "the path of a folder")
@@ -118,7 +119,14 @@ def sweep(
     plan = planned(scene, vary, SampleRequest(sample, method, seed, sobol), checking)
     restart = arguments.flag("restart", restart)
     with contextlib.nullcontext() if folder is None else StudyFolder(folder, restart=restart) as opened:
-        return run_sweep(plan, executor, folder=opened, progress=progress, keep=keep, keep_every=keep_every)
+        return run_sweep(
+            plan,
+            executor,
+            folder=opened,
+            progress=progress,
+            on_checkpoint=on_checkpoint,
+            checkpoint_every=checkpoint_every,
+        )
 
 
 def run_sweep(
@@ -126,9 +134,9 @@ def run_sweep(
     executor: Executor,
     *,
     folder: StudyFolder | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    keep: Callable[[Sweep], object] | None = None,
-    keep_every: float = KEEP_EVERY,
+    progress: Progress | None = None,
+    on_checkpoint: Callable[[Sweep], object] | None = None,
+    checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> Sweep:
     """Run the designs of a plan; the caller has opened the folder. Raises InputError as `sweep`."""
     runner = plan.runner
@@ -142,9 +150,9 @@ def run_sweep(
         sized=isinstance(runner, SizingRunner),
         timed=isinstance(runner, FastestRunner),
     )
-    if keep is not None:
-        executor = WatchedExecutor(executor, sweep_of, keep, keep_every)
-    found = run_study(plan.space, runner, executor, folder=folder, progress=progress, keep_every=keep_every)
+    if on_checkpoint is not None:
+        executor = WatchedExecutor(executor, sweep_of, on_checkpoint, checkpoint_every)
+    found = run_study(plan.space, runner, executor, folder=folder, progress=progress, checkpoint_every=checkpoint_every)
     return replace(sweep_of, columns=found.columns, index=found.designs)
 
 

@@ -26,7 +26,7 @@ from bellcrank.studies.execution.simulation_runner import SimulationRunner
 from bellcrank.studies.execution.sizing_runner import SizingRunner
 
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
-Checking = Callable[[int, int], None]
+Checking = Callable[[float, float | None], object]
 Planner = Callable[[Scene, Mapping[str, Any] | None, "SampleRequest | None", Checking | None], "SweepPlan"]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from bellcrank.arguments import Progress
 from bellcrank.errors import InputError
 
 
@@ -29,12 +30,12 @@ def bars() -> Any:
 
 
 @contextmanager
-def counting(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar that counts; yields a function of the number done and the total."""
+def counting(title: str, unit: str) -> Iterator[Progress]:
+    """A progress bar that counts; yields a function of the number done and the total, None where that is unknown."""
     with bars()(desc=title, unit=unit) as bar:
 
-        def progress(done: int, of: int) -> None:
-            bar.total = of
+        def progress(done: float, of: float | None) -> None:
+            bar.total = done if of is None else of
             bar.update(done - bar.n)
 
         yield progress

@@ -7,12 +7,13 @@ import io
 import math
 import shutil
 import subprocess
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arguments import Progress
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.replays.page.headless_browser import find_browser, find_playwright, open_page
@@ -68,7 +69,7 @@ def render_video(
     speed: float = 1.0,
     fps: float | None = None,
     size: tuple[int, int] = SIZE,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Progress = lambda done, of: None,
 ) -> Path:
     """Write a whole replay as GIF or MP4.
 
@@ -146,7 +147,7 @@ def _span(tab: Page) -> tuple[float, float]:
     return float(start), float(end)
 
 
-def _frames(tab: Page, times: list[float], progress: Callable[[int, int], None]) -> Iterator[bytes]:
+def _frames(tab: Page, times: list[float], progress: Progress) -> Iterator[bytes]:
     for k, time in enumerate(times):
         yield _capture(tab, time)
         progress(k + 1, len(times))

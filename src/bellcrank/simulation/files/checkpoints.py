@@ -53,13 +53,16 @@ if TYPE_CHECKING:
     from bellcrank._step import StepBlock
 
 Array = NDArray[np.float64]
-KEEP_EVERY, LONGEST_KEEP = 5.0, 1e6  # s of computing between two checkpoints: the default, and the most
+CHECKPOINT_EVERY, LONGEST_BETWEEN_CHECKPOINTS = (
+    5.0,
+    1e6,
+)  # s of computing between two checkpoints: the default, and the most
 SPACING = 50.0  # times as long as writing takes: on a slow disk checkpoints are further apart
 
 
-def check_keep_every(seconds: float) -> float:
+def check_checkpoint_every(seconds: float) -> float:
     """The seconds of computing between two checkpoints; InputError where it is no such number."""
-    return arguments.number("keep_every", seconds, "s", above=0.0, most=LONGEST_KEEP)
+    return arguments.number("checkpoint_every", seconds, "s", above=0.0, most=LONGEST_BETWEEN_CHECKPOINTS)
 
 
 def checkpoint_folder(path: str | Path) -> Path:
@@ -103,7 +106,7 @@ class CheckpointWriter:
     """
 
     def __init__(self, path: str | Path, every: float) -> None:
-        self.every = check_keep_every(every)
+        self.every = check_checkpoint_every(every)
         self.target, self.folder = run_path(path), checkpoint_folder(path)
         file_meant(self.target)
         set_aside(self.folder)

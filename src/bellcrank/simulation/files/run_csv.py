@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arguments import Progress
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.files.csv_files import write_table
 from bellcrank.motion.coordinates import position_labels, velocity_labels
@@ -16,13 +17,13 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
 
 
-def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
+def write_run_csv(run: Trajectory, path: str | Path, progress: Progress | None = None) -> Path:
     """Write time, positions, velocities, accelerations, torques, energies, work, constraints and outputs as CSV.
 
     `torque` is that of all forces of the scene at a joint; `actuator torque` is the part of actuators and controllers,
     where the scene has them. Units stand in the header (s, rad, m, N m, N, J, …). Numbers are read back exactly; those
-    that are not finite are `nan`, `inf` or `-inf`. `progress` is called with the number of rows written. Returns the
-    path of the file, which is written atomically. Raises InputError where it cannot be written.
+    that are not finite are `nan`, `inf` or `-inf`. `progress` is called with the numbers of rows written and of all.
+    Returns the path of the file, which is written atomically. Raises InputError where it cannot be written.
     """
 
     def blocks() -> Iterator[Array]:
@@ -31,7 +32,7 @@ def write_run_csv(run: Trajectory, path: str | Path, progress: Callable[[int], N
             yield columns(part)[1]
             done += len(part)
             if progress is not None:
-                progress(done)
+                progress(done, len(run))
 
     return write_table(path, columns(run.part(slice(0, 1)))[0], blocks())
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arguments import Progress
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
@@ -534,12 +535,12 @@ class Trajectory(StateHistory):
 
         return save_run(self, arguments.path("path", path, "the path of a file"))
 
-    def to_csv(self, path: str | Path, progress: Callable[[int], None] | None = None) -> Path:
+    def to_csv(self, path: str | Path, progress: Progress | None = None) -> Path:
         """Write times, states, accelerations, torques, energies, constraints and outputs as CSV.
 
         Args:
             path: The file, which is replaced in one step.
-            progress: Called with the number of rows written so far.
+            progress: Called with the number of rows written so far, and of all.
 
         Returns:
             The path of the file. The header names columns and units; numbers that are not finite are `nan` or `inf`.

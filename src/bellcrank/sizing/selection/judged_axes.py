@@ -102,7 +102,7 @@ class JudgedAxes:
     common: Conditions
     objective: Objective
     feedback: bool = True
-    progress: Callable[[int], None] | None = None
+    progress: Callable[[int], object] | None = None
     effort: int = field(default=0, init=False)
     _ranks: OrderedDict[tuple[int, Masses], AxisRanks] = field(default_factory=OrderedDict, init=False)
     _loads: OrderedDict[tuple[int, Masses], ReducedLoads] = field(default_factory=OrderedDict, init=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
-from bellcrank.simulation.files.checkpoints import KEEP_EVERY
+from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY
 from bellcrank.studies.designs.design_ranges import UndoneDesigns
 from bellcrank.studies.execution.design_runner import DesignRunner
 from bellcrank.studies.execution.execution import Designs, Executor, Work
@@ -46,12 +46,12 @@ def run_study(
     *,
     folder: StudyFolder | None = None,
     progress: Callable[[int, int], object] | None = None,
-    keep_every: float = KEEP_EVERY,
+    checkpoint_every: float = CHECKPOINT_EVERY,
 ) -> StudyRun:
     """Run all designs, those that the folder holds excepted.
 
-    A study that takes less than `keep_every` seconds writes nothing into the folder. After Ctrl-C, and after an error
-    of the runner, the designs that are done are kept in the folder; after Ctrl-C they are returned too.
+    A study that takes less than `checkpoint_every` seconds writes nothing into the folder. After Ctrl-C, and after an
+    error of the runner, the designs that are done are kept in the folder; after Ctrl-C they are returned too.
 
     Args:
         space: The designs.
@@ -59,7 +59,7 @@ def run_study(
         executor: What runs them; by default a thread a processor.
         folder: Where rows are kept and found; its checkpoints are removed by the caller, once the results are written.
         progress: Called with the number of designs done and of all.
-        keep_every: Seconds between two checkpoints.
+        checkpoint_every: Seconds between two checkpoints.
 
     Raises:
         InputError: The folder holds another study, or the designs do not fit into the memory.
@@ -68,7 +68,7 @@ def run_study(
     with executor or LocalExecutor() as running:
         if folder is not None:
             folder.resume({**runner.identity, **space.identity, **running.environment}, rows)
-        keeper = _Keeper(rows, folder, keep_every)
+        keeper = _Keeper(rows, folder, checkpoint_every)
         found = done = int(rows.done.sum())
         complete = True
 

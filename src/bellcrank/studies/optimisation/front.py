@@ -9,7 +9,7 @@ left out. Source: Y. Y. Haimes, L. S. Lasdon, D. A. Wismer, IEEE Trans. Systems,
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
@@ -64,7 +65,7 @@ def pareto_front(
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
     trust: Trust = (),
 ) -> ParetoFront:
     """Find designs between several objectives, of which no design that was run betters all (a Pareto front).
@@ -110,13 +111,13 @@ def pareto_front(
         ('lock.time', 'lock.crank')
     """
     scene = given_scene(scene, overrides, trust)
-    if progress is not None:
-        arguments.function("progress", progress)
+    report = None if progress is None else arguments.function("progress", progress, PROGRESS)
+    told = None if report is None else lambda done: report(done, None)
     asked = Request(
         variables, minimise, maximise, limits, size, start, samples, starts, seed, points, tolerances, robust, fastest
     )
     executor = choose_executor(threads, workers, scheduler)
-    problem, asked, begin = plan_search(scene, asked, executor, progress)
+    problem, asked, begin = plan_search(scene, asked, executor, told)
     if len(asked.objectives) < 2:
         raise InputError(
             f"pareto_front {scene.name}: expected two measures or more to minimise or to maximise, found "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
@@ -63,7 +64,7 @@ def optimise(
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
     trust: Trust = (),
 ) -> Optimum:
     """Find the values of parameters within bounds that make a measure smallest or largest, and keep limits.
@@ -105,7 +106,7 @@ def optimise(
         threads: How many threads run designs; by default as many as the machine has processors, and one in each worker.
         workers: Run designs in so many processes of a Dask cluster on this machine; the result is the same.
         scheduler: Or on the workers of this Dask scheduler, such as "tcp://10.0.0.1:8786".
-        progress: Called with the number of designs that were run.
+        progress: Called with the number of designs that were run, and None, as it is not known how many follow.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
@@ -122,8 +123,8 @@ def optimise(
         1.24 {'crank_length': 'upper'}
     """
     scene = given_scene(scene, overrides, trust)
-    if progress is not None:
-        arguments.function("progress", progress)
+    report = None if progress is None else arguments.function("progress", progress, PROGRESS)
+    told = None if report is None else lambda done: report(done, None)
     asked = Request(
         variables,
         minimise,
@@ -139,7 +140,7 @@ def optimise(
         fastest=fastest,
     )
     executor = choose_executor(threads, workers, scheduler)
-    problem, asked, begin = plan_search(scene, asked, executor, progress)
+    problem, asked, begin = plan_search(scene, asked, executor, told)
     if len(asked.objectives) > 1:
         raise InputError(
             f"optimise {scene.name}: expected one measure to minimise or to maximise, found {asked.several}; "

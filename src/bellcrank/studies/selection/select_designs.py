@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -17,6 +17,7 @@ from bellcrank import arguments
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.condition_fields import OF_AN_AXIS
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.arguments import Progress
 from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
@@ -62,7 +63,7 @@ def select_designs(
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     trust: Trust = (),
 ) -> DesignSelection:
     """Choose sizes of parameters, from lists or ranges, together with the motor and gear of every axis.

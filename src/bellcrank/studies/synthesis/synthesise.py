@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.designs.samples import LARGEST_SEED
@@ -47,7 +48,7 @@ def synthesise(
     transmission_angle: float | str = "30 deg",
     longest: float | str | None = None,
     seed: int = 0,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> Synthesis:
     """Find linkages whose coupler point passes given points, in their order, or whose output is a given function.
 
@@ -73,7 +74,7 @@ def synthesise(
         longest: The largest length of a link, m or as "800 mm"; also of a slider-crank's offset. Not for functions.
             None: of six-bars 20 times the RMS distance of the points from their mean, of others no limit.
         seed: Of the Sobol points. The same seed gives the same result.
-        progress: Called with the share that is done, 0 to 1.
+        progress: Called with the share that is done, 0 to 1, and 1.
 
     Returns:
         The linkages that were found, the best first.
@@ -102,9 +103,8 @@ def synthesise(
     if not 0.0 <= least < 0.5 * np.pi:
         arguments.refuse("transmission_angle", "an angle from 0 to less than 90 deg", transmission_angle)
     seed = arguments.whole("seed", seed, least=0, most=LARGEST_SEED)
-    if progress is not None:
-        arguments.function("progress", progress)
-    report = progress or (lambda share: None)
+    told = None if progress is None else arguments.function("progress", progress, PROGRESS)
+    report = (lambda share: None) if told is None else lambda share: told(share, 1.0)
     if function is not None:
         return _of_function(linkage, _pairs(function, linkage), least, seed, report)
     places = _numbered("points", points)
