@@ -156,7 +156,7 @@ def repeated_cycle(
     if actuators is not None:
         for name, one in arguments.mapping("actuators", actuators, "a mapping of joint names to Actuators").items():
             arguments.instance(f'actuators["{name:.80}"]', one, Actuator, "an Actuator")
-    subject = sizing_subject(robot, [motion], payloads, trust, actuators, overrides)
+    subject = sizing_subject(robot, [motion], payloads, trust, actuators, overrides, "motion")
     transmissions = subject.transmissions
     mechanism, given = subject.mechanism, subject.motions[0]
     if given.duration <= 0.0:

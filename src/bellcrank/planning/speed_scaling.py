@@ -183,7 +183,7 @@ def speed_factor(
     """
     limits = MotionLimits() if limits is None else arguments.instance("limits", limits, MotionLimits, "MotionLimits")
     arguments.instance("motion", motion, (Motion, str, Path), "a Motion, the name of a motion, or a CSV file")
-    subject = sizing_subject(robot, [motion], payloads, trust, None, overrides)
+    subject = sizing_subject(robot, [motion], payloads, trust, None, overrides, "motion")
     given = subject.motions[0]
     bounds = PathLimits(subject.mechanism, subject.actuators, limits, transmissions=subject.transmissions)
     if bounds.jerk_groups:

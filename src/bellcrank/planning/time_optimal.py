@@ -177,10 +177,7 @@ def _subject(
         arguments.instance("path", path, (Motion, str, Path), kinds)
         if isinstance(path, str):
             arguments.text("path", path, kinds)
-        try:
-            subject = sizing_subject(robot, [path], payloads, trust, None, overrides)
-        except InputError as error:
-            raise InputError(str(error).replace("argument 'motions'", "argument 'path'")) from None
+        subject = sizing_subject(robot, [path], payloads, trust, None, overrides, "path")
         motion = subject.motions[0]
     mechanism = subject.mechanism
     if isinstance(path, JointPath):

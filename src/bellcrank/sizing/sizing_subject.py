@@ -94,6 +94,7 @@ def sizing_subject(
     trust: Trust = (),
     actuators: Mapping[str, Actuator] | None = None,
     overrides: Mapping[str, Any] | None = None,
+    argument: str = "motions",
 ) -> SizingSubject:
     """The mechanism and motions that the arguments of `bellcrank.size` and `bellcrank.select` stand for.
 
@@ -104,6 +105,7 @@ def sizing_subject(
         trust: Folders whose files a scene or robot file may name.
         actuators: Actuators by joint; None: those of the scene.
         overrides: Values of a scene or robot file to change, by dotted path.
+        argument: The name of the argument for motions in messages.
 
     Returns:
         The subject.
@@ -138,13 +140,13 @@ def sizing_subject(
         if loads and not isinstance(robot, Robot):
             raise InputError("argument 'payloads': they belong to the robot of a Linkage; load it with them")
         mechanism = mechanism_of(robot.with_payloads(loads) if isinstance(robot, Robot) and loads else robot)
-        listed = _distinct_names(_motions(() if motions is None else motions))
+        listed = _distinct_names(_motions(() if motions is None else motions, argument))
         return SizingSubject(mechanism, listed, actuators or {}, None)
     config, scene = robot.config, robot
     if actuators is not None:
         config = replace(config, actuators=actuators)
     mechanism = mechanism_of(scene, config.robot(loads) if loads or actuators is not None else scene.robot)
-    named = [_motion(config, mechanism, one) for one in _requested(config, motions)]
+    named = [_motion(config, mechanism, one, argument) for one in _requested(config, motions, argument)]
     return SizingSubject(mechanism, _distinct_names(named), config.actuators, config, motions is None)
 
 
@@ -156,7 +158,7 @@ def changed_scene(scene: Scene, overrides: Mapping[str, Any]) -> Scene:
     )
 
 
-def _requested(config: RobotConfig, given: object) -> list[OneMotion]:
+def _requested(config: RobotConfig, given: object, argument: str) -> list[OneMotion]:
     """The motions that are asked for, by default all of the configuration; InputError where there are none."""
     if given is None:
         if not config.motions:
@@ -166,13 +168,13 @@ def _requested(config: RobotConfig, given: object) -> list[OneMotion]:
             )
         return list(config.motions)
     kinds = "Motions, names of motions or paths of CSV files"
-    listed = arguments.several("motions", [given] if isinstance(given, (Motion, str, Path)) else given, object, kinds)
+    listed = arguments.several(argument, [given] if isinstance(given, (Motion, str, Path)) else given, object, kinds)
     for one in listed:
-        arguments.instance("motions", one, (Motion, str, Path), kinds)
+        arguments.instance(argument, one, (Motion, str, Path), kinds)
     return list(listed)  # type: ignore[arg-type]
 
 
-def _motion(config: RobotConfig, mechanism: Mechanism, one: OneMotion) -> Motion:
+def _motion(config: RobotConfig, mechanism: Mechanism, one: OneMotion, argument: str) -> Motion:
     """The motion that a name, a path or a Motion stands for; InputError."""
     from bellcrank.motion.sampled.csv_file import read_motion
 
@@ -183,24 +185,24 @@ def _motion(config: RobotConfig, mechanism: Mechanism, one: OneMotion) -> Motion
         return one
     if str(one) in config.motions:
         return config.motion(robot, str(one))
-    path = arguments.path("motions", one, "the name of a motion, or the path of a CSV file")
+    path = arguments.path(argument, one, "the name of a motion, or the path of a CSV file")
     if path.suffix or "/" in str(one):
         return read_motion(robot, path, name=path.stem)
     raise InputError(f"{config.source}: {unknown_name('motion', str(one), config.motions)}, nor a file of that name")
 
 
-def _motions(given: object) -> list[Motion]:
+def _motions(given: object, argument: str) -> list[Motion]:
     """One motion or a list of them as a list; InputError."""
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
     listed = arguments.several(
-        "motions", [given] if isinstance(given, (Motion, Trajectory)) else given, object, "Motions"
+        argument, [given] if isinstance(given, (Motion, Trajectory)) else given, object, "Motions"
     )
     for one in listed:
         if isinstance(one, Trajectory):
             remedy = "write the run with run.to_csv(path) and read it with read_motion(robot, path)"
-            arguments.refuse("motions", "a Motion or a list of them", one, remedy=remedy)
-    return list(arguments.several("motions", listed, Motion, "Motions"))
+            arguments.refuse(argument, "a Motion or a list of them", one, remedy=remedy)
+    return list(arguments.several(argument, listed, Motion, "Motions"))
 
 
 def _distinct_names(motions: Sequence[Motion]) -> list[Motion]:
