@@ -249,6 +249,25 @@ def consistent_velocities(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
     """The consistent velocities (n, nv) of designs, and for each a StartCode with its index and value."""
 
+def followed_postures(
+    equations: StartEquations,
+    parameters: NDArray[np.float64],
+    units: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    q: NDArray[np.float64],
+    times: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    wanted: NDArray[np.float64],
+    leading_q: Sequence[int],
+    leading_v: Sequence[int],
+    longest: float,
+    rounded: float,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    """The positions (n, rows nq) of designs along a motion that begins in the first row of `times`, `inputs` and
+    `wanted`; how many rows each reached; and the share of the way to the next row that it was last tried to reach.
+    """
+
 def row_sizes(
     sampling: RowSampling, parameters: NDArray[np.float64], threads: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

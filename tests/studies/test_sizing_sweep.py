@@ -234,7 +234,7 @@ OPEN = {  # a four-bar that does not come near the posture in which it is folded
 def test_the_lengths_of_a_linkage_change_how_its_joints_move() -> None:
     scene = load_scene("four_bar", OPEN)
     study = over(scene, {"crank_length": [1.2], "rocker_length": [1.2], "link.coupler_link.mass": [1.0]})
-    assert not study.shared.single_reason and study.shared.dependent is not None
+    assert not study.shared.single_reason and study.shared.changed_linkage is not None
     values = drawn([(1.15, 1.3), (1.15, 1.3), (0.5, 2.0)], 5, seed=1)
     values[4, 0] = 9.0  # the loop cannot be closed
     found = study.run(values)

@@ -102,7 +102,9 @@ def operating_point(scene: Scene, time: float, q: Array, v: Array, symmetries: S
 def steady_point(start: OperatingPoint) -> OperatingPoint:
     """The equilibrium, or steady motion, nearest to a state, by Newton's method with steps of least norm.
 
-    A state at rest stays at rest. The result is not steady where none was found.
+    A state at rest stays at rest. The result is not steady where none was found. The search for postures on constraints
+    (dynamics/postures/posture_search.py) does not serve: accelerations have to vanish too, and v and y are unknown with
+    q.
     """
     scene, best = start.symmetries.scene, start
     for _ in range(PASSES):

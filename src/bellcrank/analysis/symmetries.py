@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 from bellcrank.dynamics.constraints.constraint_rows import velocity_units
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.equations.tangent_space import adjoint, cross
-from bellcrank.dynamics.postures.consistent_start import displaced
+from bellcrank.dynamics.postures.consistent_start import consistent_velocities, displaced
+from bellcrank.dynamics.postures.posture_search import PostureSearch, scene_as_design, search_postures
 from bellcrank.errors import InputError
 from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.numerics import svd
@@ -44,8 +45,6 @@ Array = NDArray[np.float64]
 STATES = 3  # random states in which the conditions must hold
 ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one
 ZERO = 1e-9  # of a condition's own terms: less is rounding
-PASSES = 20  # of the projection onto the constraints
-CLOSED = 1e-10  # characteristic lengths or rad: the residual of a projected state
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,24 +148,15 @@ def symmetries_of(scene: Scene, time: float, q: Array, v: Array) -> Symmetries:
 
 
 def project(scene: Scene, time: float, q: Array, v: Array) -> tuple[Array, Array, LinearEquations]:
-    """The nearest state that satisfies the constraints, by Newton's method. Raises InputError where there is none."""
-    code = equation_code(scene)
-    at = code.at(time, q, v)
-    unit = velocity_units(scene) if scene.constraints else np.ones(len(v))
-    h, closed = len(at.position_residual), False
-    for _ in range(PASSES):
-        if closed or not at.position_residual.any():
-            break
-        closed = bool(np.abs(at.position_residual).max() <= CLOSED * unit.max())  # one more step squares the residual
-        step = np.linalg.lstsq(at.jacobian[:h] * unit, -at.position_residual, rcond=1e-8)[0] * unit
-        q = displaced(scene, q, step)
-        at = code.at(time, q, v)
-    else:
-        raise InputError(f"{scene.source}: no posture near the operating point satisfies the constraints")
-    if len(at.jacobian):
-        v = v - np.linalg.lstsq(at.jacobian * unit, at.velocity_residual, rcond=1e-8)[0] * unit
-        at = code.at(time, q, v)
-    return q, v, at
+    """The nearest state that satisfies the constraints. Raises InputError where there is none."""
+    if scene.constraints:
+        one, held = scene_as_design(scene), np.zeros(scene.robot.nv, dtype=bool)
+        postures, verdicts = search_postures(scene, one, q[None], PostureSearch(held), time=time)
+        if verdicts.code[0]:
+            raise InputError(f"{scene.source}: no posture near the operating point satisfies the constraints")
+        velocities, _ = consistent_velocities(scene, one, postures, v[None], held, time=time)
+        q, v = postures[0], velocities[0]
+    return q, v, equation_code(scene).at(time, q, v)
 
 
 def states_nearby(scene: Scene, time: float, q: Array, v: Array) -> list[LinearEquations]:

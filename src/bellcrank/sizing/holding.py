@@ -16,7 +16,7 @@ from bellcrank.elements.joint_forces import Damper, Friction, JointSpring
 from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.supply import Supply
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
-from bellcrank.sizing.holding_search import Holding, joint_ranges
+from bellcrank.sizing.holding_search import AscentSettings, CoordinateAscent, Holding, joint_ranges, moved, refined
 from bellcrank.sizing.loads.maxima import maxima
 from bellcrank.sizing.loads.motion_grid import grid_along
 
@@ -191,31 +191,28 @@ class _StaticTorques:
 
 def _by_coordinates(value: Value, x: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Positions (m, k) improved one coordinate after the other by a grid that is refined, and their values (m,)."""
-    m, count = x.shape
-    x, reached = x.copy(), value(x)
-    for _ in range(SWEEPS):
-        before = reached.copy()
-        for k in range(count):
-            if lower[k] == upper[k]:
-                continue
-            points, width = (
-                np.tile(np.linspace(lower[k], upper[k], POINTS), (m, 1)),
-                (upper[k] - lower[k]) / (POINTS - 1),
-            )
-            for _ in range(6):
-                trial = np.repeat(x[:, None], points.shape[1], axis=1)
-                trial[:, :, k] = points
-                found = value(trial.reshape(-1, count)).reshape(m, -1)
-                best = found.argmax(axis=1)
-                better = found[np.arange(m), best] > reached
-                x[better, k] = points[np.arange(m), best][better]
-                reached = np.maximum(reached, found[np.arange(m), best])
-                centre = np.where(better, x[:, k], points[np.arange(m), best])
-                points = np.clip(centre[:, None] + width * np.linspace(-1.0, 1.0, 9), lower[k], upper[k])
-                width *= 0.25
-        if np.all(reached - before <= 1e-12 * np.maximum(1.0, np.abs(reached))):
-            break
-    return x, reached
+    count = x.shape[1]
+    ascent = CoordinateAscent(
+        q=x.copy(),
+        shares=value(x)[:, None],
+        matters=np.tile(lower != upper, (len(x), 1)),
+        places=list(range(count)),
+        starts=len(x),
+    )
+
+    def improve(k: int, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+        here = ascent.q[rows]
+
+        def values(points: Array) -> Array:
+            trial = np.repeat(here[:, None], points.shape[1], axis=1)
+            trial[:, :, k] = points
+            return value(trial.reshape(-1, count)).reshape(points.shape)
+
+        best = refined(values, np.linspace(lower[k], upper[k], POINTS), len(rows), 5)
+        return best, value(moved(here, k, best))[:, None]
+
+    ascent.run(improve, AscentSettings(sweeps=SWEEPS, rough=SWEEPS, kept=len(x), settled=1e-12))
+    return ascent.q, ascent.value
 
 
 def _together(value: Value, x: Array, lower: Array, upper: Array) -> tuple[Array, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +15,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-THIRD_OF_TURN = 2.0 * math.pi / 3.0
-
-
-class Statics(Protocol):
-    """The gravity torques of a robot at rest: a Robot, or an open chain whose parameters set masses."""
-
-    def gravity_torque(self, q: Array) -> Array:
-        """The torques (n, nv) that hold the robot at rest at q (n, nq)."""
-
-    def link_gravity_torques(self, q: Array) -> Array:
-        """Each link's share of them, (n, links, nv)."""
 
 
 @dataclass(frozen=True)
@@ -97,52 +86,85 @@ class AscentSettings:
 
 @dataclass(eq=False, kw_only=True)
 class CoordinateAscent:
-    """Postures that are improved one coordinate after the other; the values never fall.
+    """Postures that are improved one coordinate after the other; their values never fall.
 
-    Rows are grouped by the joint whose torque is maximised, `starts` rows a joint.
+    A value is the largest sum of shares that are scaled by factors within 1 ± tolerance each. Rows are grouped by the
+    joint whose torque is maximised, `starts` rows a joint.
 
     Attributes:
         q: Postures (rows, nq), improved in place.
-        value: Their values (rows,), improved in place.
+        shares: The shares of their values (rows, s), likewise.
         matters: Whether a row's value depends on each joint (rows, k).
         places: Index in q of each joint's coordinate.
         starts: Number of rows a joint.
+        tolerance: The tolerance of the factors.
     """
 
     q: Array
-    value: Array
+    shares: Array
     matters: NDArray[np.bool_]
     places: list[int]
     starts: int
+    tolerance: float = 0.0
 
     def run(self, improve: Callable[[int, Rows], tuple[Array, Array]], settings: AscentSettings) -> None:
         """Sweep over the coordinates; `improve(k, rows)` gives the best positions (r,) of joint k for these rows, the
-        other joints fixed, and the values (r,) there.
+        other joints fixed, and the shares (r, s) there.
         """
-        q, value = self.q, self.value
-        count = len(q) // self.starts
-        active = np.ones(len(q), dtype=bool)
+        value = self.value
+        count = len(value) // self.starts
+        active = np.ones(len(value), dtype=bool)
         for sweep in range(settings.sweeps):
             before = value.copy()
             for k, place in enumerate(self.places):
                 rows = np.flatnonzero(active & self.matters[:, k])
                 if not rows.size:
                     continue
-                position, reached = improve(k, rows)
+                position, shares = improve(k, rows)
+                reached = worst(shares, self.tolerance)
                 better = reached > value[rows]
-                q[rows[better], place] = position[better]
-                value[rows[better]] = reached[better]
+                self.q[rows[better], place] = position[better]
+                self.shares[rows[better]], value[rows[better]] = shares[better], reached[better]
             active &= value - before > settings.settled * np.maximum(1.0, np.abs(value))
             if sweep == settings.rough - 1:
-                dropped = np.argsort(-value.reshape(count, self.starts), axis=1)[:, settings.kept :]
+                dropped = np.argsort(-value.reshape(count, self.starts), axis=1, kind="stable")[:, settings.kept :]
                 active[(dropped + self.starts * np.arange(count)[:, None]).ravel()] = False
             if not active.any():
                 break
 
-    def best(self) -> Rows:
-        """The row of the largest value of each joint, (joints,)."""
+    @property
+    def value(self) -> Array:
+        """The value of each row (rows,)."""
+        return worst(self.shares, self.tolerance)
+
+    def best(self, count: int = 1) -> Rows:
+        """The rows of the largest values of each joint, (joints, count)."""
         table = self.value.reshape(-1, self.starts)
-        return np.asarray(table.argmax(axis=1) + self.starts * np.arange(len(table)))
+        found = np.argsort(-table, axis=1, kind="stable")[:, :count]
+        return np.asarray(found + self.starts * np.arange(len(table))[:, None])
+
+
+def worst(shares: Array, tolerance: float) -> Array:
+    """The largest sum of shares (…, s) when each is scaled by a factor within 1 ± tolerance."""
+    total = shares[..., 0] if shares.shape[-1] == 1 else shares.sum(axis=-1)
+    return np.asarray(total + tolerance * np.abs(shares).sum(axis=-1) if tolerance else total)
+
+
+def refined(value: Callable[[Array], Array], points: Array, count: int, rounds: int) -> Array:
+    """Where along one coordinate `value` (r, m) -> (r, m) is largest, for each of `count` rows (r,).
+
+    The points (m,), which rise, are compared first; then, `rounds` times, closer ones around the best.
+    """
+    trials, width = np.tile(points, (count, 1)), points[1] - points[0]
+    best, reached = np.full(count, points[0]), np.full(count, -np.inf)
+    for _ in range(rounds + 1):
+        found = value(trials)
+        each = found.argmax(axis=1)[:, None]
+        here, most = (np.take_along_axis(a, each, axis=1)[:, 0] for a in (trials, found))
+        best, reached = np.where(most > reached, here, best), np.maximum(reached, most)
+        trials = np.clip(here[:, None] + width * np.linspace(-1.0, 1.0, 9), points[0], points[-1])
+        width *= 0.25
+    return best
 
 
 def dependence(

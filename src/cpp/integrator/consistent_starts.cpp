@@ -1,5 +1,5 @@
-// consistent_postures(), consistent_velocities() and row_sizes() of many designs: reads the records of a scene's
-// constraints, works in threads without the GIL.
+// consistent_postures(), consistent_velocities(), followed_postures() and row_sizes() of many designs: reads the records
+// of a scene's constraints, works in threads without the GIL.
 #include "consistent_starts.hpp"
 
 #include <algorithm>
@@ -57,7 +57,7 @@ struct Reading {
     m.sine = get<std::vector<bool>>(record, "sines");
     m.far = get<std::vector<bool>>(record, "lengths_in_velocity");
     signals_ = get<Vector>(record, "signals");
-    m.u = signals_.data();
+    m.t = get<double>(record, "time"), m.u = signals_.data();
     for (nb::handle joint : record.attr("joints")) add(joint);
     require(m.linearised && m.size >= m.nq + m.nv && m.heights <= m.rows, "StartEquations: sizes do not fit");
     require(m.entry_row.size() == m.entry_column.size(), "StartEquations: one row and one column an entry");
@@ -242,6 +242,39 @@ nb::tuple consistent_postures(nb::object equations, Matrix parameters, Matrix un
   });
 }
 
+// The postures (designs, rows nq) of a motion, and for each design how many were reached and where the next one failed.
+nb::tuple followed_postures(nb::object equations, Matrix parameters, Matrix units, Vector lengths, Matrix q, Vector times,
+                            Matrix inputs, Matrix wanted, const std::vector<int>& leading_q,
+                            const std::vector<int>& leading_v, double longest, double rounded, int threads) {
+  const Reading reading(equations);
+  const Designs designs{parameters, units, lengths};
+  const std::size_t count = q.shape(0), rows = times.shape(0), leaders = leading_q.size();
+  designs.check(reading.model, count);
+  check(q, reading.model.nq, count);
+  require(rows > 0 && inputs.shape(0) == rows && wanted.shape(0) == rows && wanted.shape(1) == leaders &&
+              leading_v.size() == leaders,
+          "followed postures: rows or leading joints do not fit together");
+  for (std::size_t k = 0; k < leaders; ++k)
+    require(0 <= leading_q[k] && leading_q[k] < reading.model.nq && 0 <= leading_v[k] && leading_v[k] < reading.model.nv,
+            "followed postures: no such joint");
+  const FollowedRows motion{static_cast<int>(rows) - 1, static_cast<int>(inputs.shape(1)), static_cast<int>(leaders),
+                            times.data(), inputs.data(), wanted.data(), leading_q.data(), leading_v.data(),
+                            longest, rounded};
+  Column<double> found(count, (rows - 1) * q.shape(1)), share(count);
+  Column<std::int32_t> reached(count);
+  {
+    nb::gil_scoped_release released;
+    for_each_design(count, threads, [&] {
+      return [&, one = StartSearch(reading.model), at = std::vector<double>(q.shape(1))](std::size_t k) mutable {
+        std::copy_n(q.data() + k * at.size(), at.size(), at.begin());
+        const FollowedCount done = one.follow(designs[k], motion, at.data(), found[k]);
+        *reached[k] = done.rows, *share[k] = done.share;
+      };
+    });
+  }
+  return nb::make_tuple(found.array(false), reached.array(true), share.array(true));
+}
+
 nb::tuple consistent_velocities(nb::object equations, Matrix parameters, Matrix units, Vector lengths, Matrix q,
                                 Matrix v, Flags held, int threads) {
   const Reading reading(equations);
@@ -265,6 +298,8 @@ void bind_consistent_starts(nb::module_& m) {
         "held"_a, "rows"_a, "cosines"_a, "method"_a, "threads"_a);
   m.def("consistent_velocities", &consistent_velocities, "equations"_a, "parameters"_a, "units"_a, "lengths"_a, "q"_a,
         "v"_a, "held"_a, "threads"_a);
+  m.def("followed_postures", &followed_postures, "equations"_a, "parameters"_a, "units"_a, "lengths"_a, "q"_a, "times"_a,
+        "inputs"_a, "wanted"_a, "leading_q"_a, "leading_v"_a, "longest"_a, "rounded"_a, "threads"_a);
   m.def("row_sizes", &row_sizes, "sampling"_a, "parameters"_a, "threads"_a);
 }
 

@@ -3,6 +3,6 @@
 #include <nanobind/nanobind.h>
 
 namespace bellcrank {
-// Adds consistent_postures(), consistent_velocities() and row_sizes() to the module.
+// Adds consistent_postures(), consistent_velocities(), followed_postures() and row_sizes() to the module.
 void bind_consistent_starts(nanobind::module_& m);
 }  // namespace bellcrank

@@ -1,9 +1,11 @@
-// The search for a start that satisfies a scene's constraints, of one design; dynamics/postures/consistent_start.py states the
-// rules. Corrections are damped Gauss-Newton steps of minimum norm, lengths in units of the characteristic length.
+// The search for a posture that satisfies a scene's constraints, of one design: that of a start, whose rules
+// dynamics/postures/consistent_start.py states, or those along a motion (dynamics/postures/posture_search.py). Corrections are damped
+// Gauss-Newton steps of minimum norm, lengths in units of the characteristic length.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "damped_least_squares.hpp"
@@ -33,7 +35,22 @@ struct StartModel {
   std::vector<bool> sine;  // (heights) rows that `aligned` replaces
   std::vector<bool> far;   // (nv) in metres
   std::vector<StartJoint> joints;
+  double t;         // the time (s) and the inputs at which the constraints are to be satisfied
   const double* u;
+};
+
+// A motion to follow. Its first row is where it begins; of the leading joints there, those of the first posture count.
+struct FollowedRows {
+  int count, inputs, leaders;      // rows after the first; entries of u; joints
+  const double *t, *u, *wanted;    // (count + 1), (count + 1, inputs), (count + 1, leaders): the joints' positions
+  const int *q, *v;                // (leaders) their coordinates
+  double longest, rounded;         // of a first step; of the residual that rounding leaves
+};
+
+// How many rows were followed, and to which share of the way to the next one no step led; 0: its joints are too far.
+struct FollowedCount {
+  int rows;
+  double share;
 };
 
 // How a posture is searched: `nearest` takes Gauss-Newton steps of minimum norm from the given posture; `damped` takes
@@ -72,7 +89,7 @@ class StartSearch {
   // other methods, to one that may be further away.
   StartVerdict posture(const StartDesign& design, const bool* held, double* q, StartMethod method = StartMethod::nearest,
                        StartSelection selection = {}) {
-    design_ = &design;
+    design_ = &design, t_ = m_.t, u_ = m_.u;
     selection_ = selection;
     target_.clear();
     linearise(q, nullptr);
@@ -91,7 +108,7 @@ class StartSearch {
 
   // Changes v (nv) to the nearest velocity at q that satisfies φ̇ = 0 and ψ = 0 with the components `held` held.
   StartVerdict velocity(const StartDesign& design, const bool* held, const double* q, double* v) {
-    design_ = &design;
+    design_ = &design, t_ = m_.t, u_ = m_.u;
     selection_ = {};
     target_.clear();
     linearise(q, v);
@@ -116,6 +133,37 @@ class StartSearch {
     return {};
   }
 
+  // The postures (count, nq) of a motion on the branch of q (nq), by steps of continuation: a tangent step and corrections
+  // of minimum norm, which keep close to it. Where they do not, a step is halved. All degrees of freedom but those of the
+  // leading joints follow. Past the last row that was followed stands the last posture that was reached.
+  FollowedCount follow(const StartDesign& design, const FollowedRows& rows, double* q, double* postures) {
+    design_ = &design, rows_ = &rows;
+    selection_ = {};
+    target_.clear();
+    free_.assign(m_.nv, true);
+    for (int k = 0; k < rows.leaders; ++k) free_[rows.v[k]] = false;
+    goal_.resize(rows.leaders), begun_.resize(rows.leaders), inputs_.resize(rows.inputs + 1);
+    FollowedCount done{0, 0};
+    for (; done.rows < rows.count; ++done.rows, postures += m_.nq) {
+      row_ = done.rows;
+      double away = 0;
+      for (int k = 0; k < rows.leaders; ++k) {
+        begun_[k] = q[rows.q[k]];
+        const double moved = std::fabs(wanted(k) - begun_[k]) / column(rows.v[k]);
+        if (!(moved <= away)) away = moved;
+      }
+      done.share = 0;
+      const bool near = away <= FARTHEST;
+      const int steps = near ? std::max(1, static_cast<int>(std::ceil(away / STRIDE))) : 0;
+      bool reached = near;
+      for (int j = 1; j <= steps && reached; ++j)
+        reached = reach(q, static_cast<double>(j - 1) / steps, static_cast<double>(j) / steps, FINEST, done.share);
+      std::copy(q, q + m_.nq, postures);
+      if (!reached) break;
+    }
+    return done;
+  }
+
   // Rotates the parts of a velocity (nv) that are given along the parents' axes into the bodies' axes at q.
   void velocity_in_body(const double* q, double* v) const { rotate(q, false, v, true); }
 
@@ -131,6 +179,11 @@ class StartSearch {
   static constexpr double DAMPING = 1e-3;   // of the largest diagonal entry of the normal equations, at first
   static constexpr double FLAT = 1e-5;      // of the residual's square: damped steps that promise less end the search
   static constexpr double NEAR = 1e-3;      // a residual from which steps of minimum norm are worth their cost
+  static constexpr double STRIDE = 0.05;    // rad or of the length: that leading joints move in one step of continuation
+  static constexpr double FARTHEST = 5000;  // the same, from one row to the next
+  static constexpr double LEAP = 0.1;       // the same, between a posture and its prediction: more is another branch
+  static constexpr double SINGULAR = 1e-8;  // the same as RANK, along a motion
+  static constexpr int CORRECTIONS = 13, FINEST = 14;  // after a prediction; halvings of a step
 
   const StartModel& m_;
   const StartDesign* design_ = nullptr;
@@ -138,7 +191,12 @@ class StartSearch {
   std::vector<double> residual_, jacobian_;                               // of the search, in its units
   std::vector<double> step_, there_, reduced_, right_, damped_step_;
   std::vector<double> target_;  // subtracted from the residual, where not empty
+  double t_ = 0;
+  const double* u_ = nullptr;
   StartSelection selection_;
+  const FollowedRows* rows_ = nullptr;  // of `follow`: the motion, its row, and where its leading joints were before it
+  int row_ = 0;
+  std::vector<double> begun_, goal_, inputs_, next_, strayed_;
   std::vector<int> place_;
   std::vector<bool> free_;
   LeastSquares least_squares_;
@@ -151,12 +209,76 @@ class StartSearch {
   }
 
   void evaluate(Kernel kernel, const double* q, const double* v, double* const* out) {
-    const double t = 0;
     std::fill(x_.begin(), x_.end(), 0.0);
     std::copy(q, q + m_.nq, x_.begin());
     if (v) std::copy(v, v + m_.nv, x_.begin() + m_.nq);
-    const double* in[] = {&t, x_.data(), m_.u, design_->p};
+    const double* in[] = {&t_, x_.data(), u_, design_->p};
     kernel(in, out);
+  }
+
+  double wanted(int k) const { return rows_->wanted[(row_ + 1) * rows_->leaders + k]; }
+
+  // Sets time, inputs and the leading joints' positions to those at a share of the way from the row before.
+  void advance(double share) {
+    const FollowedRows& rows = *rows_;
+    const auto between = [share](double a, double b) { return share == 1 ? b : a + share * (b - a); };
+    t_ = between(rows.t[row_], rows.t[row_ + 1]);
+    const double *before = rows.u + static_cast<std::size_t>(row_) * rows.inputs, *after = before + rows.inputs;
+    for (int k = 0; k < rows.inputs; ++k) inputs_[k] = between(before[k], after[k]);
+    u_ = inputs_.data();
+    for (int k = 0; k < rows.leaders; ++k) goal_[k] = between(begun_[k], wanted(k));
+  }
+
+  // Moves q from one share of the way to another, in smaller steps where one fails; `failed`: where the smallest led.
+  bool reach(double* q, double from, double to, int halvings, double& failed) {
+    if (stepped(q, to)) return true;
+    failed = to;
+    if (halvings == 0) return false;
+    const double middle = 0.5 * (from + to);
+    return reach(q, from, middle, halvings - 1, failed) && reach(q, middle, to, halvings - 1, failed);
+  }
+
+  // A step of continuation to a share of the way; q is left where it fails.
+  bool stepped(double* q, double share) {
+    const FollowedRows& rows = *rows_;
+    advance(share);
+    residual_at(q, false);
+    bool rests = largest_residual() <= CLOSED;
+    for (int k = 0; k < rows.leaders; ++k) rests = rests && q[rows.q[k]] == goal_[k];
+    if (rests) return true;
+    if (!finite(residual_) || !finite(jacobian_)) return false;
+    for (int k = 0; k < rows.leaders; ++k) {
+      const int j = rows.v[k];
+      const double change = (goal_[k] - q[rows.q[k]]) / column(j);
+      for (std::size_t i = 0; i < residual_.size(); ++i) residual_[i] += jacobian(static_cast<int>(i), j) * change;
+    }
+    minimum_norm_step(q, true, SINGULAR);
+    if (!(longest(step_) <= rows.longest)) return false;
+    next_.resize(m_.nq);
+    displace(q, 1, there_.data());
+    strayed_.assign(m_.nv, 0.0);
+    double before = INFINITY;
+    for (int count = 0; count < CORRECTIONS; ++count) {
+      for (int k = 0; k < rows.leaders; ++k) there_[rows.q[k]] = goal_[k];
+      residual_at(there_.data(), false);
+      const double largest = largest_residual();
+      if (largest <= CLOSED || (largest <= rows.rounded && largest >= before)) {
+        std::copy(there_.begin(), there_.end(), q);
+        return true;
+      }
+      if (!finite(residual_) || !finite(jacobian_)) return false;
+      before = largest;
+      minimum_norm_step(there_.data(), true, SINGULAR);
+      for (int j = 0; j < m_.nv; ++j) strayed_[j] += step_[j];
+      if (!(longest(strayed_) <= LEAP)) return false;
+      displace(there_.data(), 1, next_.data());
+      std::swap(there_, next_);
+    }
+    return false;
+  }
+
+  static double longest(const std::vector<double>& step) {
+    return step.empty() ? 0 : std::fabs(step[worst_of(step)]);
   }
 
   void linearise(const double* q, const double* v) {
@@ -375,10 +497,10 @@ class StartSearch {
   }
 
   // The step (nv) of least norm among the free components that takes the linearised residual to 0 or near it.
-  void minimum_norm_step(const double* q, bool of_position) {
+  void minimum_norm_step(const double* q, bool of_position, double rank = RANK) {
     free_jacobian(q, of_position, least_squares_);
     reduced_.assign(m_.nv, 0.0);
-    least_squares_.solve(right_.data(), reduced_.data(), RANK);
+    least_squares_.solve(right_.data(), reduced_.data(), rank);
     for (int j = 0, k = 0; j < m_.nv; ++j) step_[j] = free_[j] ? reduced_[k++] : 0;
     into_body_axes(q, of_position);
   }

@@ -13,7 +13,7 @@ from bellcrank import arguments
 from bellcrank.dynamics.constraints.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.postures.consistent_start import consistent_start
-from bellcrank.dynamics.postures.posture_search import Constrained, PostureSearch, StartCode, search_postures
+from bellcrank.dynamics.postures.posture_search import PostureSearch, StartCode, scene_as_design, search_postures
 from bellcrank.dynamics.postures.start_stages import motors_of
 from bellcrank.numerics import singular_values, svd
 
@@ -210,14 +210,12 @@ def _nearby_freedoms(scene: Scene, q: Array, v: Array, free: Array) -> int:
 
     if not scene.constraints or not free.shape[1]:
         return int(free.shape[1])
-    rows = rows_of(scene)
-    one = Constrained(system_parameters(scene)[None], rows.unit[None], np.array([rows.length]))
     random = np.random.default_rng(0).normal(size=(free.shape[1], 4))
     found = [int(free.shape[1])]
     for direction in (free @ random).T:
         step = ASIDE * direction / np.linalg.norm(direction) * velocity_units(scene)
         search = PostureSearch(np.zeros(scene.robot.nv, dtype=bool))
-        there, verdicts = search_postures(scene, one, displaced(scene, q, step)[None], search)
+        there, verdicts = search_postures(scene, scene_as_design(scene), displaced(scene, q, step)[None], search)
         if verdicts.code[0] == StartCode.CONSISTENT:
             found.append(scene.robot.nv - _rank(_jacobian(scene, there[0], v)))
     return min(found)

@@ -1,25 +1,29 @@
 """Inverse kinematics of a closed linkage: the motion of all joints that moves a frame along a path.
 
 The unknown is the posture of all joints. With the constraints φ(q, t) = 0, of Jacobian J, and the prescribed
-coordinates of the frame's pose x(q) = x_path(s(t)), of Jacobian F, Newton's method solves
+coordinates of the frame's pose x(q) = x_path(s(t)), of Jacobian F, it satisfies φ = 0 and x − x_path = 0, and its rates
 
-    [J; F] δ = [−φ; x_path − x],    [J; F] v = [−φ_t; ẋ_path],    [J; F] a = [−γ; ẍ_path − Ḟ v]
+    [J; F] v = [−φ_t; ẋ_path],    [J; F] a = [−γ; ẍ_path − Ḟ v]
 
-in the least-squares sense, exactly where redundant rows agree, starting from the previous posture, so that the branch
-is kept. The mechanism has nv − rank J degrees of freedom, of which the path prescribes rank [J; F] − rank J.
+in the least-squares sense, exactly where redundant rows agree. Postures follow by continuation from the previous one
+(posture_search.py), so that the branch is kept. The mechanism has nv − rank J degrees of freedom, of which the path
+prescribes rank [J; F] − rank J.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
-from bellcrank.dynamics.postures.consistent_start import displaced
-from bellcrank.dynamics.postures.loop_kinematics import CLOSED, DEAD, FINEST, LEAP, ROUNDED, SINGULAR, LoopKinematics
+from bellcrank.dynamics.postures.loop_kinematics import DEAD, SINGULAR, LoopKinematics
+from bellcrank.dynamics.postures.posture_search import ROUNDED, Constrained, Way, follow_postures
+from bellcrank.dynamics.postures.start_equations import StartEquations, start_equations
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.generators.path import FramePath, wanted_rotation
@@ -27,7 +31,7 @@ from bellcrank.motion.kinematics.pose_equations import vector_text
 from bellcrank.motion.kinematics.rotations import angles_to, between
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.motion import Motion
-from bellcrank.numerics import least_squares, pseudo_inverse, singular_values
+from bellcrank.numerics import pseudo_inverse, singular_values
 
 if TYPE_CHECKING:
     import casadi
@@ -35,6 +39,8 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
 
 Array = NDArray[np.float64]
+LEAP = 0.1  # rad or characteristic lengths: all joints move less in one step
+TURN = 0.5  # rad: in such turns, at most, the frame takes its orientation from the start posture
 IDLE = 1e-6  # m or rad per rad: slower, a frame's coordinate is at rest in an idle rotation
 TURNED = 1e-9  # rad: at a larger angle from the prescribed orientation, the posture is another solution
 
@@ -56,7 +62,7 @@ class ClosedInverseKinematics:
         self.rotation = wanted_rotation(path, self.attitude)
         if self.rotation is not None:
             self.rows += [3, 4, 5]
-        frame = self._system(0.0, start, self.begin, self.attitude)[1][-len(self.rows) :]
+        frame = self._jacobian()[-len(self.rows) :]
         still = [np.abs(frame @ (rates / kinematics.units)).max() < IDLE for rates in idle]
         self.idle = sum(still)
 
@@ -82,7 +88,7 @@ class ClosedInverseKinematics:
         """The number of degrees of freedom of the mechanism at the start posture without idle rotations, and how many
         the path prescribes.
         """
-        _, jacobian = self._system(0.0, self.start, self.begin, self.attitude)
+        jacobian = self._jacobian()
         constraints = len(jacobian) - len(self.rows)
         size = max(float(np.abs(jacobian).max(initial=0.0)), 1e-300)
         rank = self._rank(jacobian[:constraints], SINGULAR * size)
@@ -109,16 +115,10 @@ class ClosedInverseKinematics:
 
     def motion(self) -> Motion:
         """The motion of all joints along the path. Raises UnreachableError with the time and the frame's position."""
-        path, robot = self.path, self.robot
+        path = self.path
         time, s, speed, growth = path.rows()
         x, first, second = path.curve(s)
-        end = self.attitude if self.rotation is None else self.rotation
-        q = np.empty((len(s), robot.nq))
-        here, place, attitude = self.start, self.begin, self.attitude
-        for k in range(len(s)):
-            goal = x[k]
-            here = self._reach(here, (place, attitude), (goal, end), float(time[k]), 0)
-            q[k], place, attitude = here, goal, end
+        q = self._postures(time, x)
         return self._rates(time, q, first * speed[:, None], second * (speed**2)[:, None] + first * growth[:, None])
 
     def _rates(self, time: Array, q: Array, velocity: Array, acceleration: Array) -> Motion:
@@ -154,27 +154,52 @@ class ClosedInverseKinematics:
 
     # ---- postures
 
-    def _reach(self, q: Array, here: tuple[Array, Array], there: tuple[Array, Array], t: float, depth: int) -> Array:
-        """The posture whose frame has the pose `there`, on the branch of q, whose frame has the pose `here`."""
-        found = self._newton(q, *there, t)
-        if found is not None:
-            return found
-        if depth == FINEST:
-            self._refuse_more_coordinates_than_freedoms()
-            position = self.pose(q)[0]
-            raise UnreachableError(
-                f"motion '{self.path.name}' cannot be followed at {t:.6g} s: frame '{self.path.frame}' reaches "
-                f"{vector_text(position)} m but no further towards {vector_text(there[0])} m; the path leaves the "
-                "workspace of the linkage, or the subspace in which the frame can move, or passes a singular posture"
-            )
-        middle = 0.5 * (here[0] + there[0]), between(here[1], there[1], 0.5)
-        q = self._reach(q, here, middle, t, depth + 1)
-        return self._reach(q, middle, there, t, depth + 1)
+    def _postures(self, time: Array, x: Array) -> Array:
+        """The posture (n, nq) at each time, where the frame has the positions x (n, 3)."""
+        kinematics, end = self.kinematics, self.attitude if self.rotation is None else self.rotation
+        turns = max(1, int(np.ceil(angles_to(self.attitude[None], end)[0] / TURN)))
+        shares = np.arange(turns + 1) / turns
+        places = np.concatenate([self.begin + shares[:, None] * (x[0] - self.begin), x[1:]])
+        turned = [between(self.attitude, end, share).ravel() for share in shares] + [end.ravel()] * (len(x) - 1)
+        at = np.concatenate([np.repeat(time[:1], turns), time[1:]])  # of each place but the first
+        signals = kinematics.scene.signals_at(at)
+        inputs = np.hstack([np.concatenate([signals[:1], signals]), places, np.array(turned)])
+        way = Way(
+            at,
+            inputs[1:],
+            np.zeros((len(at), 0)),
+            begin=inputs[0],
+            longest=LEAP,
+            rounded=ROUNDED * max(1.0, float(np.abs(places).max()) / kinematics.length),
+        )
+        units = np.concatenate([rows_of(kinematics.scene).unit, self._sizes])
+        one = Constrained(kinematics.scene.parameter_values[None], units[None], np.array([kinematics.length]))
+        found = follow_postures(self._equations(), one, self.start[None], way)
+        q, row = found.postures[0], int(found.rows[0])
+        if row < len(q):
+            towards = places[row] + found.share[0] * (places[row + 1] - places[row])
+            raise self._unreachable(float(at[row]), self.pose(q[row])[0], towards)
+        q = q[turns - 1 :]
+        rotations = self.code(q, np.zeros(self.robot.nv), kinematics.scene.parameter_values)[1].reshape(-1, 3, 3)
+        away = angles_to(rotations, end)
+        if self.rotation is not None and away.max() > TURNED:
+            row = int(away.argmax())
+            raise self._unreachable(float(time[row]), self.pose(q[row])[0], x[row])
+        return np.asarray(q)
+
+    def _unreachable(self, t: float, reached: Array, towards: Array) -> UnreachableError:
+        """That the frame reaches a position, but no further."""
+        self._refuse_more_coordinates_than_freedoms()
+        return UnreachableError(
+            f"motion '{self.path.name}' cannot be followed at {t:.6g} s: frame '{self.path.frame}' reaches "
+            f"{vector_text(reached)} m but no further towards {vector_text(towards)} m; the path leaves the "
+            "workspace of the linkage, or the subspace in which the frame can move, or passes a singular posture"
+        )
 
     def _refuse_more_coordinates_than_freedoms(self) -> None:
         """InputError where the prescribed coordinates, independent in the tree, exceed the degrees of freedom."""
         freedoms, _ = self.prescribed()
-        frame = self._system(0.0, self.start, self.begin, self.attitude)[1][-len(self.rows) :]
+        frame = self._jacobian()[-len(self.rows) :]
         asked = self._rank(frame, SINGULAR * max(float(np.abs(frame).max(initial=0.0)), 1e-300))
         if asked > freedoms:
             fewer = (
@@ -187,38 +212,50 @@ class ClosedInverseKinematics:
                 f"follow this path; {fewer}, or move joints instead"
             )
 
-    def _newton(self, q: Array, position: Array, rotation: Array, t: float) -> Array | None:
-        """The posture whose frame has a pose near that of q; None where Newton's method does not find it nearby."""
-        strayed: Array = np.zeros(self.robot.nv)
-        before, rounded = np.inf, ROUNDED * max(1.0, float(np.abs(position).max()) / self.kinematics.length)
-        for k in range(14):
-            missing, jacobian = self._system(t, q, position, rotation)
-            size = float(np.abs(missing).max())
-            if size <= CLOSED or (size <= rounded and size >= before):
-                turned = self.rotation is not None and angles_to(self.pose(q)[1][None], rotation)[0] > TURNED
-                return None if turned else q
-            before = size
-            if not (np.isfinite(missing).all() and np.isfinite(jacobian).all()):
-                return None
-            step = least_squares(jacobian, missing, f"motion '{self.path.name}': the constraints are", rcond=SINGULAR)
-            strayed = strayed + step if k else strayed  # the first step is the displacement itself
-            if not (np.abs(step).max() <= LEAP and np.abs(strayed).max() <= LEAP):
-                return None
-            q = displaced(self.kinematics.scene, q, self.kinematics.units * step)
-        return None
-
-    def _system(self, t: float, q: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """The right-hand side [−φ; x_path − x] (rows,) and [J; F] (rows, nv), in rad and characteristic lengths."""
-        residual, jacobian = self.kinematics.scaled_position_residual(t, q)
-        at, turn, flat, _ = self.code(q, np.zeros(self.robot.nv), self.kinematics.scene.parameter_values)
-        away = rotation @ turn.reshape(3, 3).T
-        turned = 0.5 * np.array([away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1]])
-        missing = np.concatenate([position - at, turned])[self.rows]
-        frame = flat.reshape(self.robot.nv, 6).T[self.rows]
-        sizes = self._sizes
-        return np.concatenate([-residual, missing / sizes]), np.vstack(
-            [jacobian, frame / sizes[:, None] * self.kinematics.units]
+    def _equations(self) -> StartEquations:
+        """φ = 0 and x − x_path = 0 for the search of postures; the frame's position and rotation end its inputs."""
+        scene = self.kinematics.scene
+        key = f"path of linkage {self.path.frame} {self.rows} {scene.physics_key()} {rows_of(scene).signature}"
+        height = len(rows_of(scene).kept) + len(self.rows)
+        return replace(
+            start_equations(scene),
+            code=self.robot.compiled(key, self._closing),
+            heights=height,
+            rows=height,
+            entry_rows=np.tile(np.arange(height), self.robot.nv).tolist(),
+            entry_columns=np.repeat(np.arange(self.robot.nv), height).tolist(),
+            cosine_count=0,
+            alignment_owners=[],
+            sines=[False] * height,
         )
+
+    def _closing(self) -> casadi.Function:
+        """(t, x, u, p) -> φ and x − x_path, no rates, [J; F] column by column."""
+        import casadi
+
+        scene = self.kinematics.scene
+        s = Symbols(self.robot, scene.parameters, [*scene.frames, self.path.frame], scene.initial.clock)
+        for source in scene.signal_sources:
+            s.signal(source)
+        wanted, frame = casadi.SX.sym("w", 12), s.frame(self.path.frame)
+        c = differentiate_constraints(scene.constraints, SymbolicRows.unscaled(rows_of(scene).kept), s)
+        away = casadi.reshape(wanted[3:], 3, 3).T @ frame.rotation.T
+        turned = casadi.vertcat(away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1])
+        missed = casadi.vertcat(frame.position - wanted[:3], -0.5 * turned)[self.rows]
+        twist = casadi.vertcat(frame.linear, frame.angular)
+        residual = casadi.vertcat(c.position_residual, missed)
+        jacobian = casadi.vertcat(c.jacobian, casadi.jacobian(twist, s.v)[self.rows, :])
+        rest = casadi.SX.sym("z", start_equations(scene).size - self.robot.nq - self.robot.nv)
+        inputs = [s.t, casadi.vertcat(s.q, s.v, rest), casadi.vertcat(s.u, wanted), s.p]
+        outputs = [residual, casadi.SX(0, 1), casadi.vec(jacobian)]
+        return casadi.Function("closing", inputs, [casadi.densify(x) for x in outputs])
+
+    def _jacobian(self) -> Array:
+        """[J; F] (rows, nv) at the start posture, in rad and characteristic lengths."""
+        _, jacobian = self.kinematics.scaled_position_residual(0.0, self.start)
+        flat = self.code(self.start, np.zeros(self.robot.nv), self.kinematics.scene.parameter_values)[2]
+        frame = flat.reshape(self.robot.nv, 6).T[self.rows]
+        return np.vstack([jacobian, frame / self._sizes[:, None] * self.kinematics.units])
 
     @property
     def _sizes(self) -> Array:

@@ -13,16 +13,17 @@ from bellcrank._step import consistent_velocities as search_velocities
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
-from bellcrank.dynamics.equations.system import system_of, system_parameters
+from bellcrank.dynamics.equations.system import system_of
 from bellcrank.dynamics.postures.posture_search import (
     Constrained,
     PostureSearch,
     SearchVerdicts,
     StartCode,
+    scene_as_design,
     search_postures,
 )
 from bellcrank.dynamics.postures.start_diagnosis import StartFailure, diagnose_start
-from bellcrank.dynamics.postures.start_equations import start_equations
+from bellcrank.dynamics.postures.start_equations import equations_at
 from bellcrank.dynamics.postures.start_stages import search_further
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.errors import InputError
@@ -150,13 +151,13 @@ def consistent_posture(scene: Scene, q: Array, held: Mask) -> Array:
     `held` (nv) marks the degrees of freedom whose positions are held, those of a free joint along its parent's axes.
     Raises InputError with the smallest residual found where no posture with the held values satisfies the constraints.
     """
-    found, verdicts = consistent_postures(scene, _one(scene), q[None], held)
+    found, verdicts = consistent_postures(scene, scene_as_design(scene), q[None], held)
     code = verdicts.code[0]
     if code:
         place, more = f"{scene.source}: initial", tuple[str, ...]()
         brief = f"{place}: {reason(scene, verdicts, 0, held)}"
         if code in (StartCode.UNSATISFIED, StartCode.TURNED_AROUND):
-            more = diagnose_start(scene, _one(scene), q, held).sentences()
+            more = diagnose_start(scene, scene_as_design(scene), q, held).sentences()
         raise NoConsistentStart(brief, (f"{place}: {reason(scene, verdicts, 0, held, diagnosed=bool(more))}", *more))
     return np.asarray(found[0])
 
@@ -170,9 +171,9 @@ def given_posture(scene: Scene) -> Array:
 def start_failure(scene: Scene) -> StartFailure | None:
     """Why a scene has no consistent posture at its start; None where it has one."""
     q, held = given_posture(scene), scene.initial.held(scene.robot)[0]
-    if not scene.constraints or not consistent_postures(scene, _one(scene), q[None], held)[1].code[0]:
+    if not scene.constraints or not consistent_postures(scene, scene_as_design(scene), q[None], held)[1].code[0]:
         return None
-    return diagnose_start(scene, _one(scene), q, held)
+    return diagnose_start(scene, scene_as_design(scene), q, held)
 
 
 def starts_further_away(scene: Scene) -> bool:
@@ -180,7 +181,7 @@ def starts_further_away(scene: Scene) -> bool:
     if not scene.constraints:
         return False
     search = PostureSearch(scene.initial.held(scene.robot)[0])
-    return bool(search_postures(scene, _one(scene), given_posture(scene)[None], search)[1].code[0])
+    return bool(search_postures(scene, scene_as_design(scene), given_posture(scene)[None], search)[1].code[0])
 
 
 def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
@@ -189,16 +190,10 @@ def consistent_velocity(scene: Scene, q: Array, v: Array, held: Mask) -> Array:
     `held` (nv) marks the degrees of freedom whose velocities are held, those of a free joint along the axes that its
     velocity is given in. Raises InputError where no velocity with the held values satisfies the constraints.
     """
-    found, verdicts = consistent_velocities(scene, _one(scene), q[None], v[None], held)
+    found, verdicts = consistent_velocities(scene, scene_as_design(scene), q[None], v[None], held)
     if verdicts.code[0]:
         raise InputError(f"{scene.source}: initial: {reason(scene, verdicts, 0, held)}")
     return np.asarray(found[0])
-
-
-def _one(scene: Scene) -> Constrained:
-    """A scene as one design of itself."""
-    rows = rows_of(scene)
-    return Constrained(system_parameters(scene)[None], rows.unit[None], np.array([rows.length]))
 
 
 def displaced(scene: Scene, q: Array, step: Array) -> Array:
@@ -238,15 +233,15 @@ def consistent_postures(
 
 
 def consistent_velocities(
-    scene: Scene, designs: Constrained, q: Array, v: Array, held: Mask, threads: int = 1
+    scene: Scene, designs: Constrained, q: Array, v: Array, held: Mask, threads: int = 1, time: float = 0.0
 ) -> tuple[Array, SearchVerdicts]:
-    """The velocities (n, nv) that satisfy the constraints at positions (n, nq) and are nearest to v (n, nv).
+    """The velocities (n, nv) that satisfy the constraints at positions (n, nq), at a time (s), nearest to v (n, nv).
 
     `held` (nv) marks the degrees of freedom whose velocities are held, those of a free joint along the axes that its
     velocity is given in.
     """
     found, code, place, value = search_velocities(
-        start_equations(scene), designs.parameters, designs.units, designs.lengths, q, v, held, threads
+        equations_at(scene, time), designs.parameters, designs.units, designs.lengths, q, v, held, threads
     )
     return found, SearchVerdicts(code, place, value)
 

@@ -1,14 +1,15 @@
 """Kinematics of closed loops: the posture, velocity and acceleration of all joints from those of independent joints.
 
-With independent joints i and dependent joints d, φ(q, t) = 0 gives q_d by Newton's method from the previous posture, so
-that the branch is kept, and J v = −φ_t, J a = −γ give their velocities and accelerations. The motions that the
-constraints allow are v = N v_i with N_i = 1 and N_d = −J_d⁺ J_i.
+With independent joints i and dependent joints d, φ(q, t) = 0 gives q_d by continuation from the previous posture
+(posture_search.py), so that the branch is kept, and J v = −φ_t, J a = −γ give their velocities and accelerations. The
+motions that the constraints allow are v = N v_i with N_i = 1 and N_d = −J_d⁺ J_i. Many designs of a linkage may be
+followed at once; one linkage is one design of itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,11 +22,13 @@ from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, 
 from bellcrank.dynamics.constraints.constraint_rows import characteristic_length, rows_of, velocity_units
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.inverse.idle_rotations import IdleRotation, idle_rotations
-from bellcrank.dynamics.postures.consistent_start import consistent_start, displaced
+from bellcrank.dynamics.postures.consistent_start import consistent_start
+from bellcrank.dynamics.postures.posture_search import FARTHEST, Followed, Way, follow_postures, scene_as_design
+from bellcrank.dynamics.postures.start_equations import start_equations
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.motion import Motion
-from bellcrank.numerics import least_squares, products, pseudo_inverse, singular_values
+from bellcrank.numerics import products, pseudo_inverse, singular_values
 from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:
@@ -35,13 +38,9 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
 Array = NDArray[np.float64]
-CLOSED = 1e-13  # rad, or of the characteristic length: Newton's method ends below it
-ROUNDED = 1e-11  # the same: below it Newton's method also ends where rounding keeps the residual from decreasing
-STEP = 0.05  # the same, that independent joints move in one step of continuation
-MOST_STEPS = 100_000  # from one row of a motion to the next: 5,000 rad
-LEAP = 0.1  # the same, the largest difference between a posture and its prediction: more is another branch
-FINEST = 14  # halvings of a step before a posture counts as unreachable
+Mask = NDArray[np.bool_]
 DEAD = 1e-6  # a smallest singular value below this share of the largest: dead point, postures accurate to its root only
+STEEP = 1e3  # rad or characteristic lengths a unit: dependent joints that move faster are near a dead point
 SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
 
 
@@ -54,26 +53,26 @@ class LoopTerms(NamedTuple):
     drift: Array
 
 
-@dataclass(frozen=True)
-class _Leading:
-    """The independent joints of a motion, and the motion's name for messages."""
+class FollowedMotions(NamedTuple):
+    """Positions, velocities and accelerations (d, n, nv) of d designs at the n rows of a motion; `followed` (d,) says
+    for which designs they hold.
+    """
 
-    joints: tuple[RobotJoint, ...]
-    motion: str
+    position: Array
+    velocity: Array
+    acceleration: Array
+    followed: Mask
 
-    @cached_property
-    def places(self) -> list[int]:
-        """Their indices in q."""
-        return [joint.q for joint in self.joints]
 
-    @cached_property
-    def columns(self) -> list[int]:
-        """Their indices in v."""
-        return [joint.v for joint in self.joints]
+class _Rates(NamedTuple):
+    """v and a (n, nv) along a motion, N_d (n, dependent, independent), and the smallest singular value of the scaled
+    J_d over its largest (n,).
+    """
 
-    def values(self, values: Array) -> str:
-        """Their names with values, for messages."""
-        return ", ".join(f"{joint.name} {value:.6g}" for joint, value in zip(self.joints, values, strict=True))
+    velocity: Array
+    acceleration: Array
+    slope: Array
+    regularity: Array
 
 
 class LoopKinematics:
@@ -124,9 +123,10 @@ class LoopKinematics:
         outputs = [c.position_residual, c.velocity_residual, casadi.vec(c.jacobian), c.drift]
         return casadi.Function("linkage", [s.t, s.q, s.v, s.u, s.p], [casadi.densify(x) for x in outputs])
 
-    def terms(self, t: Array, q: Array, v: Array) -> LoopTerms:
-        """The constraints at n states q (n, nq), v (n, nv) and times (n,) s."""
-        inputs, parameters = self.scene.signals_at(t), self.scene.parameter_values
+    def terms(self, t: Array, q: Array, v: Array, parameters: Array | None = None) -> LoopTerms:
+        """The constraints at n states q (n, nq), v (n, nv) and times (n,) s, with parameters (np,) or the scene's."""
+        inputs = self.scene.signals_at(t)
+        parameters = self.scene.parameter_values if parameters is None else parameters
         position, velocity, flat, drift = self._terms(t[:, None], q, v, inputs, parameters)
         return LoopTerms(position, velocity, flat.reshape(len(t), self.robot.nv, -1).transpose(0, 2, 1), drift)
 
@@ -205,62 +205,96 @@ class LoopKinematics:
         The branch is that of the posture `start` (nq,), by default of the scene's start. Raises UnreachableError where
         the constraints cannot be satisfied, or no longer determine the other joints (dead point).
         """
-        leading = _Leading(tuple(joints), motion.name)
-        q = self._postures(motion, leading, self.start if start is None else start)
-        v, a, follows = self._rates(motion, leading, q)
-        self._refuse_turned_around(motion.name, motion.time, q)
+        start, time = self.start if start is None else start, motion.time
+        found = self._postures(motion, joints, start[None], self.scene.parameter_values[None])
+        if found.rows[0] < len(motion):
+            raise self._unreachable(motion, joints, start, found)
+        q, columns = found.postures[0], [joint.v for joint in joints]
+        v, a, slope, regularity = self._rates(motion, joints, q, self.scene.parameter_values)
+        worst = int(np.argmin(regularity))
+        if regularity[worst] < DEAD:
+            there = _values(joints, motion.position[worst, [joint.q for joint in joints]])
+            raise UnreachableError(
+                f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there {there} no "
+                "longer determines the other joints; end the motion earlier"
+            )
+        self._refuse_turned_around(motion.name, time, q)
         noise = [np.array(motion.position_noise), np.array(motion.speed_noise)]
-        dependent = np.setdiff1d(np.arange(self.robot.nv), leading.columns)
         for each in noise if self.robot.nq == self.robot.nv else ():
-            each[dependent] = follows @ each[leading.columns]
-        return Motion(
-            self.robot.joints, motion.time, q, v, a, motion.name, motion.notes, tuple(noise[0]), tuple(noise[1])
+            each[self._dependent(joints)] = np.abs(slope).max(axis=0) @ each[columns]
+        return Motion(self.robot.joints, time, q, v, a, motion.name, motion.notes, tuple(noise[0]), tuple(noise[1]))
+
+    def follow_designs(
+        self, motion: Motion, joints: Sequence[RobotJoint], start: Array, parameters: Array
+    ) -> FollowedMotions:
+        """The motions of designs with consistent starts (d, nq), NaN where there is none, and parameters (d, np).
+
+        That of a design depends on its own numbers alone, to the last bit. A design that cannot be followed, or comes
+        near a dead point, is marked; `follow` says why. Welds and hinges are not kept from turning over.
+        """
+        found = self._postures(motion, joints, start, parameters)
+        followed: Mask = found.rows == len(motion)
+        units, columns = self.units, [joint.v for joint in joints]
+        v, a = np.zeros((2, len(start), len(motion), self.robot.nv))
+        for d in np.flatnonzero(followed):
+            try:
+                rates = self._rates(motion, joints, found.postures[d], parameters[d])
+            except InputError:  # the derivative of a constraint is not finite
+                followed[d] = False
+                continue
+            v[d], a[d] = rates.velocity, rates.acceleration
+            steep = np.abs(rates.slope) * units[columns] / units[self._dependent(joints), None]
+            followed[d] = (rates.regularity >= DEAD).all() and (steep <= STEEP).all() and np.isfinite(a[d]).all()
+        return FollowedMotions(found.postures, v, a, followed)
+
+    def _dependent(self, joints: Sequence[RobotJoint]) -> NDArray[np.intp]:
+        """The degrees of freedom of the other joints."""
+        return np.setdiff1d(np.arange(self.robot.nv), [joint.v for joint in joints])
+
+    def _postures(self, motion: Motion, joints: Sequence[RobotJoint], start: Array, parameters: Array) -> Followed:
+        """The postures of designs at each row of a motion of these joints."""
+        one, scene = scene_as_design(self.scene), self.scene
+        p = np.tile(one.parameters, (len(start), 1))
+        p[:, : parameters.shape[1]] = parameters
+        wanted = motion.position[:, [joint.q for joint in joints]]
+        way = Way(motion.time, scene.signals_at(motion.time), wanted, joints)
+        return follow_postures(start_equations(scene), one._replace(parameters=p), start, way)
+
+    def _unreachable(
+        self, motion: Motion, joints: Sequence[RobotJoint], start: Array, found: Followed
+    ) -> UnreachableError:
+        """Why a motion cannot be followed beyond a row."""
+        row, share, places = int(found.rows[0]), float(found.share[0]), [joint.q for joint in joints]
+        before = (motion.position[row - 1] if row else start)[places]
+        ahead = motion.position[row, places] - before
+        what = f"motion '{motion.name}' cannot be followed at {motion.time[row]:.6g} s: "
+        if share == 0.0:
+            away = np.abs(ahead / self.units[[joint.v for joint in joints]])
+            return UnreachableError(
+                f"{what}joint '{joints[int(away.argmax())].name}' moves by {away.max():.4g} rad, or characteristic "
+                f"lengths, from one row to the next; expected at most {FARTHEST:g}: give more rows"
+            )
+        return UnreachableError(
+            f"{what}the constraints can be satisfied up to {_values(joints, found.postures[0, row, places])} but no "
+            f"further towards {_values(joints, before + share * ahead)}; the posture is out of reach, at a dead point, "
+            "or on another branch than the scene's start"
         )
 
-    def _postures(self, motion: Motion, leading: _Leading, here: Array) -> Array:
-        """The posture (n, nq) of each row of a motion, from the posture `here` (nq,)."""
-        q = np.empty((len(motion), self.robot.nq))
-        places, units = leading.places, self.units[leading.columns]
-        wanted = motion.position[:, places]
-        for k in range(len(motion)):
-            t = float(motion.time[k])
-            away = np.abs((wanted[k] - here[places]) / units)
-            if not away.max() <= MOST_STEPS * STEP:
-                joint = leading.joints[int(away.argmax())].name
-                raise UnreachableError(
-                    f"motion '{motion.name}' cannot be followed at {t:.6g} s: joint '{joint}' moves by "
-                    f"{away.max():.4g} rad, or characteristic lengths, from one row to the next; expected at most "
-                    f"{MOST_STEPS * STEP:g}: give more rows"
-                )
-            steps = max(1, int(np.ceil(away.max() / STEP)))
-            for target in here[places] + np.arange(1, steps + 1)[:, None] / steps * (wanted[k] - here[places]):
-                here = self._reach(here, target, leading, t, 0)
-            here[places] = wanted[k]
-            q[k] = here
-        return q
-
-    def _rates(self, motion: Motion, leading: _Leading, q: Array) -> tuple[Array, Array, Array]:
-        """v and a (n, nv) at postures (n, nq), and the largest |N_d| (dependent, independent) along the motion."""
-        n, time, ind = len(motion), motion.time, leading.columns
-        dep = np.setdiff1d(np.arange(self.robot.nv), ind)
-        v, a = np.zeros((n, self.robot.nv)), np.zeros((n, self.robot.nv))
+    def _rates(self, motion: Motion, joints: Sequence[RobotJoint], q: Array, parameters: Array) -> _Rates:
+        """The rates of all joints at postures (n, nq) along a motion of these joints, with parameters (np,)."""
+        time, ind, dep = motion.time, [joint.v for joint in joints], self._dependent(joints)
+        v, a = np.zeros((2, len(motion), self.robot.nv))
         v[:, ind], a[:, ind] = motion.velocity[:, ind], motion.acceleration[:, ind]
-        _, residual, jacobian, _ = self.terms(time, q, v)
+        _, residual, jacobian, _ = self.terms(time, q, v, parameters)
         scaled = self.scaled(jacobian)[:, :, dep]
         singular = singular_values(scaled, f"motion '{motion.name}': the constraints along it are")
         least = self.constrained - 1  # the others of the dependent joints turn idly
-        worst = int(np.argmin(singular[:, least] / singular[:, 0])) if len(dep) else 0
-        if len(dep) and singular[worst, least] < DEAD * singular[worst, 0]:
-            raise UnreachableError(
-                f"motion '{motion.name}' passes a dead point of the linkage at {time[worst]:.6g} s: there "
-                f"{leading.values(motion.position[worst, leading.places])} no longer determines the other joints; end "
-                "the motion earlier"
-            )
-        inverse = self.units[dep][:, None] * jacobian_inverse(scaled) / rows_of(self.scene).unit
+        regularity = singular[:, least] / singular[:, 0] if len(dep) else np.ones(len(motion))
+        inverse = self.units[dep][:, None] * jacobian_inverse(scaled, regularity) / rows_of(self.scene).unit
         v[:, dep] = -products(inverse, residual)
-        drift = self.terms(time, q, v).drift
+        drift = self.terms(time, q, v, parameters).drift
         a[:, dep] = -products(inverse, drift + products(jacobian[:, :, ind], a[:, ind]))
-        return v, a, np.abs(inverse @ jacobian[:, :, ind]).max(axis=0)
+        return _Rates(v, a, -inverse @ jacobian[:, :, ind], regularity)
 
     def _refuse_turned_around(self, name: str, time: Array, q: Array) -> None:
         """UnreachableError where a weld or hinge is satisfied with its sides half a turn apart."""
@@ -275,49 +309,10 @@ class LoopKinematics:
                     f"{time[np.argmin(cosine)]:.6g} s; the linkage cannot follow it there"
                 )
 
-    def _reach(self, q: Array, target: Array, leading: _Leading, t: float, depth: int) -> Array:
-        """The posture with the independent joints at `target`, on the branch of q."""
-        there = self._newton(q, target, leading, t)
-        if there is not None:
-            return there
-        if depth == FINEST:
-            raise UnreachableError(
-                f"motion '{leading.motion}' cannot be followed at {t:.6g} s: the constraints can be satisfied up to "
-                f"{leading.values(q[leading.places])} but no further towards {leading.values(target)}; the posture is "
-                "out of reach, at a dead point, or on another branch than the scene's start"
-            )
-        middle = self._reach(q, 0.5 * (q[leading.places] + target), leading, t, depth + 1)
-        return self._reach(middle, target, leading, t, depth + 1)
 
-    def _newton(self, q: Array, target: Array, leading: _Leading, t: float) -> Array | None:
-        """The posture with the independent joints at `target`, near q; None where Newton's method leaves the branch."""
-        places, ind = leading.places, leading.columns
-        dep = np.setdiff1d(np.arange(self.robot.nv), ind)
-        residual, jacobian = self.scaled_position_residual(t, q)
-        step = np.zeros(self.robot.nv)
-        step[ind] = (target - q[places]) / self.units[ind]
-        if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-            return None
-        what = f"motion '{leading.motion}': the constraints at {t:.6g} s are"
-        step[dep] = least_squares(jacobian[:, dep], -residual - jacobian[:, ind] @ step[ind], what, rcond=SINGULAR)
-        q = displaced(self.scene, q, self.units * step)
-        strayed, before = np.zeros(self.robot.nv), np.inf
-        for _ in range(12):
-            q[places] = target
-            residual, jacobian = self.scaled_position_residual(t, q)
-            size = float(np.abs(residual).max(initial=0.0))
-            if size <= CLOSED or (size <= ROUNDED and size >= before):
-                return q
-            before = size
-            step = np.zeros(self.robot.nv)
-            if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-                return None
-            step[dep] = least_squares(jacobian[:, dep], -residual, what, rcond=SINGULAR)
-            strayed += step
-            if not np.abs(strayed).max() <= LEAP:
-                return None
-            q = displaced(self.scene, q, self.units * step)
-        return None
+def _values(joints: Sequence[RobotJoint], values: Array) -> str:
+    """Names of joints with values, for messages."""
+    return ", ".join(f"{joint.name} {value:.6g}" for joint, value in zip(joints, values, strict=True))
 
 
 def rank(jacobian: Array) -> int:
@@ -326,6 +321,8 @@ def rank(jacobian: Array) -> int:
     return int(np.count_nonzero(singular > SINGULAR * singular.max(initial=0.0)))
 
 
-def jacobian_inverse(matrices: Array) -> Array:
-    """The pseudo-inverses (n, nv, rows) of scaled Jacobians (n, rows, nv)."""
+def jacobian_inverse(matrices: Array, regularity: Array) -> Array:
+    """The pseudo-inverses (n, nv, rows) of scaled Jacobians (n, rows, nv) with these ratios of singular values (n,)."""
+    if matrices.shape[1] == matrices.shape[2] and (regularity > DEAD).all():
+        return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
     return pseudo_inverse(matrices, "the derivative of the constraints is", rcond=SINGULAR)

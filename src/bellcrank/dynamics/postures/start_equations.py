@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from bellcrank.dynamics.equations.system import system_of
 from bellcrank.robot.model.joints import lengths_in_velocity
 
 if TYPE_CHECKING:
+    from bellcrank.codegen.compile import Compiled
     from bellcrank.dynamics.equations.compiled_equations import System
     from bellcrank.scene.scene import Scene
 
@@ -38,6 +39,7 @@ class StartEquations:
 
     Attributes:
         system: The compiled equations.
+        code: (t, x, u, p) -> φ, (φ̇, ψ), the entries of J.
         heights: The number of rows of φ.
         rows: The number of rows of (φ̇, ψ).
         entry_rows: The row of each entry of J that is not always zero.
@@ -47,10 +49,12 @@ class StartEquations:
         sines: Which rows of φ are sines of angles (heights,).
         lengths_in_velocity: Which entries of v are in m/s (nv,).
         joints: The joints.
-        signals: u at time 0.
+        time: The time at which the constraints are to be satisfied, s.
+        signals: u at that time.
     """
 
     system: System
+    code: Compiled
     heights: int
     rows: int
     entry_rows: Sequence[int]
@@ -60,6 +64,7 @@ class StartEquations:
     sines: Sequence[bool]
     lengths_in_velocity: Sequence[bool]
     joints: Sequence[StartJoint]
+    time: float
     signals: Array
 
     @property
@@ -79,8 +84,8 @@ class StartEquations:
 
     @property
     def linearised(self) -> int:
-        """The address of (t, x, u, p) -> φ, (φ̇, ψ), the entries of J."""
-        return self.system.linearised.address("scalar")
+        """The address of `code`."""
+        return self.code.address("scalar")
 
     @property
     def cosines(self) -> int:
@@ -98,9 +103,17 @@ class StartEquations:
         return self.system.alignment_residual.output_sizes[0] if self.cosine_count else 0
 
 
+def equations_at(scene: Scene, time: float) -> StartEquations:
+    """The constraints of a scene at a time (s)."""
+    equations = start_equations(scene)
+    if time == 0.0:
+        return equations
+    return replace(equations, time=time, signals=scene.signals_at(np.array([time]))[0])
+
+
 @computed_once
 def start_equations(scene: Scene) -> StartEquations:
-    """The constraints of a scene, for the search for consistent starts."""
+    """The constraints of a scene at the start, for the search for consistent postures."""
     system, free = system_of(scene), scene.initial.free
     system.linearised.address("scalar")  # after this its sizes are checked
     heights, rows, _ = system.linearised.output_sizes
@@ -118,6 +131,7 @@ def start_equations(scene: Scene) -> StartEquations:
     ]
     return StartEquations(
         system=system,
+        code=system.linearised,
         heights=heights,
         rows=rows,
         entry_rows=list(pattern.rows),
@@ -127,5 +141,6 @@ def start_equations(scene: Scene) -> StartEquations:
         sines=[k in sines for k in range(heights)],
         lengths_in_velocity=lengths_in_velocity(scene.robot).tolist(),
         joints=joints,
+        time=0.0,
         signals=scene.signals_at(np.zeros(1))[0],
     )

@@ -4,6 +4,10 @@ The step is kept so small that the branch cannot change, and the sign of the equ
 then all rows are solved at once, starting from polynomials between the steps. Derivatives with respect to the path's
 length come from F_z z' = x', F_z z'' = x'' − F_zz[z', z'] with derivatives of F from its expression graph.
 Source: E. L. Allgower, K. Georg, Introduction to Numerical Continuation Methods, ch. 2.
+
+The search for postures on constraints (dynamics/postures/posture_search.py) does not serve here: of the postures of a
+redundant robot it would return one near the previous row's, not the one nearest to the start, and it does not follow
+the determinant's sign.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 With the independent joints i of a motion and the dependent joints d, a page solves φ(q, p) = 0 by Newton's method from
 the posture of the sizing, while the parameters go from their values there to new ones: it calls `step` until the
 residual vanishes, and refuses values on whose way the posture leaves its branch (assets/live_loops.js). Velocities and
-accelerations are v_d = −J_d⁻¹ J_i v_i and a_d = −J_d⁻¹ (γ + J_i a_i), as in dynamics/postures/dependent_designs.py.
+accelerations are v_d = −J_d⁻¹ J_i v_i and a_d = −J_d⁻¹ (γ + J_i a_i), as in dynamics/postures/loop_kinematics.py.
 Angles are in rad, lengths in units of the characteristic length.
 """
 

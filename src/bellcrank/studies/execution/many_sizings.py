@@ -77,16 +77,16 @@ class SizingBatch:
 
     def states(self, good: Mask) -> list[MotionStates]:
         """The states of the designs along each motion; `good` (n,) becomes False where a design cannot follow one."""
-        shared, dependent = self.shared, self.shared.dependent
+        shared, linkage = self.shared, self.shared.changed_linkage
         motions = zip(shared.design_motions, self.stretches, strict=True)
-        if dependent is None:
+        if linkage is None:
             return [self._waypoints(one) or SharedStates(one.motion, one.grid, stretch) for one, stretch in motions]
         varied = [k for k, change in enumerate(shared.changes) if change.kind == "parameter"]
         designs = SceneDesigns(shared.scene, [_ParameterAxis(shared.changes[k].path) for k in varied])
         start = designs.block(self.values[:, varied]).start_position
         found: list[MotionStates] = []
         for one, stretch in motions:
-            followed = dependent.follow(one.motion, start, self.parameters)
+            followed = linkage.kinematics.follow_designs(one.motion, shared.independent, start, self.parameters)
             good &= followed.followed
             found.append(
                 OwnStates(

@@ -15,7 +15,6 @@ from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.dynamics.inverse.motor_torques import MotorTorques
-from bellcrank.dynamics.postures.dependent_designs import DependentDesigns
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.frame_joints import path_frames
@@ -27,7 +26,7 @@ from bellcrank.motion.entry_kinds import WaypointsEntry
 from bellcrank.motion.motion import Motion
 from bellcrank.robot.model.traced_tree import MASS, SCALE
 from bellcrank.scene.scene import Scene
-from bellcrank.sizing.holding_designs import HoldingSearch
+from bellcrank.sizing.holding_gravity import HoldingSearch
 from bellcrank.sizing.loads.design_peaks import DesignMotion
 from bellcrank.sizing.loads.joint_loads import JointLoads
 from bellcrank.sizing.loads.massless_motors import massless_motors
@@ -159,12 +158,11 @@ class SharedSizing(Portable):
         assert isinstance(entry, WaypointsEntry)
         return entry
 
-    @cached_property
-    def dependent(self) -> DependentDesigns | None:
-        """Where the designs of a linkage differ in lengths: what makes their motions."""
-        if not isinstance(self.mechanism, Linkage) or not any(change.moves for change in self.changes):
-            return None
-        return DependentDesigns(self.mechanism, self.independent)
+    @property
+    def changed_linkage(self) -> Linkage | None:
+        """The linkage whose designs differ in lengths, so that the joints of each move in their own way."""
+        moved = any(change.moves for change in self.changes)
+        return self.mechanism if moved and isinstance(self.mechanism, Linkage) else None
 
     @cached_property
     def holding(self) -> HoldingSearch | None:

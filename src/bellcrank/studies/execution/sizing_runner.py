@@ -165,7 +165,7 @@ class SizingRunner(Portable):
     def _together(self, numbers: Array, wanted: Whole, rows: _Rows, threads: int, progress: Progress | None) -> None:
         """Fill in the rows `wanted` in blocks, but for those of designs that cannot follow a motion."""
         shared = self.shared
-        size = BLOCK if shared.dependent is None else BLOCK_OF_LINKAGES
+        size = BLOCK if shared.changed_linkage is None else BLOCK_OF_LINKAGES
         blocks = [wanted[first : first + size] for first in range(0, len(wanted), size)]
         _ = shared.design_motions, shared.speeds, shared.holding  # before threads use them
         with ThreadPoolExecutor(max(1, min(threads, len(blocks)))) as pool:

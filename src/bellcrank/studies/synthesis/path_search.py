@@ -121,7 +121,11 @@ def _angles(points: Complex, drawn: Array) -> Array:
 
 
 def improve(found: Candidates, task: Task, timed: bool, steps: int) -> Candidates:
-    """Levenberg-Marquardt of all linkages, with the bounds of the shape."""
+    """Levenberg-Marquardt of all linkages, with the bounds of the shape.
+
+    The search for postures (dynamics/postures/posture_search.py) does not serve: lengths are unknown too, and a misfit
+    is left.
+    """
     lower, upper = task.kind.bounds
     (count, size), many = found.crank.shape, len(lower)
     damping, still = np.full(count, FIRST_DAMPING), np.zeros(count, dtype=int)
