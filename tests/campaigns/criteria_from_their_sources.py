@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT
-from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, NOTE, judge
+from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, NOTE, in_words, judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -129,7 +129,7 @@ def differences(case):
     pairs = pairs.take(slice(len(pairs) - 1, len(pairs)))  # the gear, where there is one
     (loads,) = reduce_loads(axes, cycles)
     found = judge(pairs, loads, conditions)
-    results = {result.name: result for result in found.results(0)}
+    results = {result.name: result for result in in_words(pairs, loads, conditions)}
     expected = uses(motor, gear, cycles[0], conditions)
     wrong, compared = [], 0
     for row, criterion in enumerate(found.criteria):

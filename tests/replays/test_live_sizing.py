@@ -1,5 +1,6 @@
 """The page of a sizing computes: what it says of changed values in a real browser is what Python says of them."""
 
+import copy
 import json
 import re
 import shlex
@@ -222,7 +223,8 @@ def test_what_a_verdict_depends_on_and_is_not_recomputed_is_in_the_page():
     shaft = sizing.joint("shoulder").shaft
     content = film_of_sizing(sizing).live.content
     assert content["unjudged"] == [] and (content["stored"]["word"], content["stored"]["good"]) == ("All inside", True)
-    with_bus = replace(sizing, system=shaft.judged.judged[:1])
+    with_bus = replace(sizing, judging=copy.copy(sizing.judging))
+    vars(with_bus.judging)["verdicts"] = replace(sizing.judging.verdicts, system=shaft.judged.judged[:1])
     assert film_of_sizing(with_bus).live.content["unjudged"] == [f"all axes together: {shaft.judged.judged[0].name}"]
     unknown = film_of_sizing(replace(sizing, undetermined=("its rows are few",))).live.content["stored"]
     assert (unknown["good"], unknown["word"]) == (False, "Not known") and "its rows are few" in unknown["sentences"]

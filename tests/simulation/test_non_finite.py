@@ -17,7 +17,8 @@ from bellcrank.simulation.integration.constraint_rank import rank_of
 from bellcrank.simulation.integration.status import Status
 from bellcrank.simulation.trajectory.non_finite import EACH
 from bellcrank.simulation.trajectory.scene_notes import scene_notes
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint, root_mean_square
+from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint
+from bellcrank.sizing.loads.motion_grid import root_mean_square
 from bellcrank.studies.sweep import sweep
 
 ARM = "name: Arm\nurdf: planar_2r\ngravity: [0, -9.81, 0]\ninitial: {shoulder: 0.3, elbow: 0.4}\n"
@@ -305,7 +306,7 @@ def test_a_sizing_of_loads_near_the_largest_has_finite_numbers_and_valid_json(tm
 def test_an_rms_has_no_overflow_of_squares():
     weight = np.full(8, 0.25)
     rows = np.column_stack([np.full(8, 3e200), np.full(8, 3.0)])
-    assert root_mean_square(weight, rows, 2.0) == pytest.approx([3e200, 3.0], rel=1e-14)
+    assert root_mean_square(weight, rows.T, 2.0) == pytest.approx([3e200, 3.0], rel=1e-14)
 
 
 def test_a_line_with_a_number_that_is_none_is_refused(arm, swing):

@@ -57,7 +57,7 @@ def check_ratings(actuator: Actuator) -> None:
             actuator.max_speed,
         )
     if actuator.curve is not None:
-        object.__setattr__(actuator, "curve", falling_curve(actuator.curve, "an actuator"))
+        object.__setattr__(actuator, "curve", falling_curve(actuator.curve))
 
 
 def _require(condition: bool, name: str, expected: str, found: object) -> None:
@@ -65,9 +65,9 @@ def _require(condition: bool, name: str, expected: str, found: object) -> None:
         raise InputError(f"an actuator's {name}: expected {expected}, found {found}")
 
 
-def falling_curve(curve: object, where: str) -> Points:
+def falling_curve(curve: object) -> Points:
     """The points of a curve as numbers: speeds that start at 0 and rise, torques that do not. Raises InputError."""
-    expected = "at least two (speed rad/s, torque N m) points"
+    where, expected = "an actuator", "at least two (speed rad/s, torque N m) points"
     if isinstance(curve, np.ndarray) and curve.ndim == 2:
         curve = curve.tolist()
     if not isinstance(curve, (list, tuple)) or len(curve) < 2:

@@ -136,10 +136,10 @@ def _condition(matrix: Array) -> float:
     return float(np.linalg.cond(matrix))
 
 
-def transmissions_from_fields(fields: Fields, key: str = "transmissions") -> tuple[CoupledTransmission, ...]:
+def transmissions_from_fields(fields: Fields) -> tuple[CoupledTransmission, ...]:
     """The coupled transmissions of a file. Raises InputError."""
     found = []
-    for entry in fields.mappings(key):
+    for entry in fields.mappings("transmissions"):
         names = {}
         for what in ("joints", "motors"):
             value = entry.raw(what)
@@ -157,7 +157,7 @@ def transmissions_from_fields(fields: Fields, key: str = "transmissions") -> tup
     try:
         return checked_transmissions(found)
     except InputError as error:
-        raise fields.error(key, str(error)) from None
+        raise fields.error("transmissions", str(error)) from None
 
 
 def checked_transmissions(given: Iterable[CoupledTransmission] | None) -> tuple[CoupledTransmission, ...]:

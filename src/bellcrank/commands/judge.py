@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     criterion is unknown. Raises BellcrankError for invalid input.
     """
     from bellcrank.sizing.judge import judge
-    from bellcrank.sizing.selection.tables import wrapped
+    from bellcrank.sizing.text_tables import wrapped
     from bellcrank.sizing.verdict_tables import table, verdict
 
     payloads = [parse_payload(text) for text in arguments.payload]

@@ -184,9 +184,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.files.json_files import list_files
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
-    from bellcrank.sizing.selection.tables import table, verdict, wrapped
+    from bellcrank.sizing.selection.tables import table, verdict
     from bellcrank.sizing.selection.written_config import check_target
     from bellcrank.sizing.sizing_files import remove_stale
+    from bellcrank.sizing.text_tables import wrapped
 
     payloads = [parse_payload(text) for text in arguments.payload]
     limits = dict(map(parse_limit, arguments.limit))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bellcrank.errors import InputError
+from bellcrank.files.access import read_text
 from bellcrank.files.atomic_write import write_text, writing
 from bellcrank.printable_text import utf8
 
@@ -28,6 +31,19 @@ def list_files(path: Path, listed: Sequence[str], names: Sequence[str]) -> None:
     before, after = (utf8(json_text({"files": list(each)})[1:-3]) for each in (listed, names))
     with writing(path) as temporary:
         temporary.write_bytes(path.read_bytes().replace(before, after, 1))
+
+
+def listed_files(path: Path, ours: re.Pattern[str]) -> list[str]:
+    """The names under the key "files" of a JSON file that match; none where there is no such file.
+
+    Only names that a writer of results gives are returned, so that no other file can be removed.
+    """
+    try:
+        document = json.loads(read_text(path))
+    except (InputError, ValueError, RecursionError):
+        return []
+    listed = document.get("files") if isinstance(document, dict) else None
+    return [name for name in listed if isinstance(name, str) and ours.match(name)] if isinstance(listed, list) else []
 
 
 def json_text(content: Any, *, indent: int = 1, ascii_only: bool = False) -> str:

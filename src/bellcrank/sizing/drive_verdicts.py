@@ -7,23 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.cached_values import cached_property
 from bellcrank.errors import InputError
 from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
 from bellcrank.sizing.axis_conditions import check_momentary_loads
-from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.axis_loads_of import AxisModel, axis_model
 from bellcrank.sizing.selection.criteria import TOLERANCE, CriterionResult
-from bellcrank.sizing.selection.judge import CRITERIA, NOTES
+from bellcrank.sizing.selection.cycle_transitions import transition_notes
+from bellcrank.sizing.selection.judge import in_words
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
-from bellcrank.sizing.selection.pairs import Pairs, Products
+from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.system_criteria import judge_system
 
 if TYPE_CHECKING:
@@ -187,22 +187,15 @@ class DriveVerdicts(WithNotes, WithJson):
         }
 
 
-def judge_drives(
-    mechanism: Mechanism,
-    motions: Sequence[Motion],
-    drives: Mapping[str, Actuator],
-    *,
-    duty: Sequence[DutyStep] | None = None,
-    transmissions: Sequence[CoupledTransmission] = (),
-    mounts: Mapping[str, Mount] | None = None,
-    conditions: Conditions | None = None,
-    mass_tolerance: float = 0.0,
-) -> DriveVerdicts:
-    """Judge given drives along the cycles of a mechanism, by the criteria by which `bellcrank.select` chooses.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DriveJudging:
+    """Given drives along the cycles of a mechanism, judged when their verdicts are asked for, by the criteria by which
+    `bellcrank.select` chooses.
 
-    The masses are those that the robot has: those of the drives are part of its links and payloads.
+    The masses are those that the robot has: those of the drives are part of its links and payloads. Raises InputError
+    as `axis_loads`, for loads when the verdicts are asked for.
 
-    Args:
+    Attributes:
         mechanism: An open chain or a linkage.
         motions: Motions of all of its joints.
         drives: Actuators by the name of the axis: a joint, or the motor of a coupled transmission.
@@ -212,53 +205,77 @@ def judge_drives(
         conditions: The supply, bus and brake resistor of all axes together; by default each is unknown.
         mass_tolerance: Share by which each link's mass and inertia may be off.
 
-    Returns:
-        The verdicts, in the order of the mechanism's axes.
-
-    Raises:
-        InputError: As `axis_loads`.
-
     Example:
         >>> import bellcrank as bc
-        >>> from bellcrank.sizing.drive_verdicts import judge_drives
+        >>> from bellcrank.sizing.drive_verdicts import DriveJudging
         >>> from bellcrank.sizing.sizing_subject import sizing_subject
         >>> subject = sizing_subject("geared_pendulum", None)
-        >>> found = judge_drives(subject.mechanism, subject.motions, subject.actuators)
-        >>> found.drives[0].state, found.drives[0].binding.name
+        >>> judging = DriveJudging(mechanism=subject.mechanism, motions=subject.motions, drives=subject.actuators)
+        >>> judging.verdicts.drives[0].state, judging.verdicts.drives[0].binding.name
         ('inside', 'continuous torque')
     """
-    if not drives:
-        return DriveVerdicts(drives=())
-    found = axis_loads(mechanism, motions, duty, transmissions, mounts, drives, mass_tolerance)
-    for one in (conditions or Conditions(), *(drive.conditions for drive in drives.values())):
-        check_momentary_loads(one, [axis.name for axis in found.axes])
-    loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
-    verdicts = tuple(_verdict(one, drives[one.axis.name]) for one in loads)
-    system: tuple[CriterionResult, ...] = ()
-    if len(loads) == len(found.axes):
-        of_robot = conditions or Conditions()
-        pairs = [pair_of(drives[one.axis.name]) for one in loads]
-        system = judge_system(pairs, loads, of_robot) if _has_bus(drives.values(), of_robot) else ()
-    return DriveVerdicts(
-        drives=verdicts,
-        system=system,
-        cycles=tuple(dict.fromkeys(cycle.name for cycle in found.cycles)),
-        axes_without=tuple(axis.name for axis in found.axes if axis.name not in drives),
-        warnings=found.warnings,
-    )
+
+    mechanism: Mechanism
+    motions: Sequence[Motion]
+    drives: Mapping[str, Actuator]
+    duty: Sequence[DutyStep] | None = None
+    transmissions: Sequence[CoupledTransmission] = ()
+    mounts: Mapping[str, Mount] | None = None
+    conditions: Conditions | None = None
+    mass_tolerance: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.drives:
+            axes = [axis.name for axis in self._model.axes]
+            for one in (self.conditions or Conditions(), *(drive.conditions for drive in self.drives.values())):
+                check_momentary_loads(one, axes)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DriveJudging) and self.verdicts == other.verdicts
+
+    def __hash__(self) -> int:
+        return hash(self.verdicts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_model"}
+
+    @cached_property
+    def _model(self) -> AxisModel:
+        return axis_model(self.mechanism, self.motions, self.transmissions, self.mounts)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about the cycles."""
+        return transition_notes(self.mechanism, self.motions, self.duty) if self.drives else ()
+
+    @cached_property
+    def verdicts(self) -> DriveVerdicts:
+        """The verdicts, in the order of the mechanism's axes."""
+        drives, of_robot = self.drives, self.conditions or Conditions()
+        if not drives:
+            return DriveVerdicts(drives=())
+        found = self._model.along(self.motions, self.duty, drives, self.mass_tolerance)
+        loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
+        system: tuple[CriterionResult, ...] = ()
+        if len(loads) == len(found.axes) and _has_bus(drives.values(), of_robot):
+            system = judge_system([pair_of(drives[one.axis.name]) for one in loads], loads, of_robot)
+        return DriveVerdicts(
+            drives=tuple(_verdict(one, drives[one.axis.name]) for one in loads),
+            system=system,
+            cycles=tuple(dict.fromkeys(cycle.name for cycle in found.cycles)),
+            axes_without=tuple(axis.name for axis in found.axes if axis.name not in drives),
+            warnings=found.warnings,
+        )
 
 
 def pair_of(actuator: Actuator) -> Pairs:
     """The one pair of an actuator."""
-    motor, gear = actuator.rows
-    one = np.zeros(1, dtype=np.intp)
-    return Pairs(products=Products.of([motor], [gear]), motor=one, gear=one, fits=np.ones(1, dtype=bool))
+    return Pairs.of(actuator.rows)
 
 
 def _verdict(loads: ReducedLoads, actuator: Actuator) -> DriveVerdict:
-    pair, conditions = pair_of(actuator), actuator.conditions
-    results = tuple(criterion.result(pair, loads, conditions) for criterion in (*CRITERIA, *NOTES))
-    return DriveVerdict(axis=loads.axis.name, actuator=actuator, criteria=results)
+    criteria = in_words(pair_of(actuator), loads, actuator.conditions)
+    return DriveVerdict(axis=loads.axis.name, actuator=actuator, criteria=criteria)
 
 
 def _has_bus(drives: Iterable[Actuator], conditions: Conditions) -> bool:

@@ -17,8 +17,8 @@ from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.supply import Supply
 from bellcrank.sizing.holding_gravity import gravity_holding_torques
 from bellcrank.sizing.holding_search import AscentSettings, CoordinateAscent, Holding, joint_ranges, moved, refined
-from bellcrank.sizing.loads.maxima import maxima
 from bellcrank.sizing.loads.motion_grid import grid_along
+from bellcrank.sizing.loads.series_maxima import Maxima, maxima, on_grid
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
@@ -74,8 +74,11 @@ def motion_holding_torques(mechanism: Mechanism, motions: Sequence[Motion], mass
             torque = torque + mass_tolerance * np.abs(mechanism.link_torques(t, q, zero, zero)).sum(axis=1)
         return {"holding": torque}
 
-    breaks = force_breaks(mechanism)
-    found = [maxima(motion, grid_along(motion, None, breaks), at_rest)[1]["holding"] for motion in motions]
+    def largest_along(motion: Motion) -> Maxima:
+        grid = grid_along(motion, None, force_breaks(mechanism))
+        return maxima(motion, grid, on_grid(motion, grid, at_rest), at_rest)["holding"]
+
+    found = [largest_along(motion) for motion in motions]
     torque = np.array([largest.value for largest in found])
     worst = torque.argmax(axis=0)
     position = np.array([motions[m].at(float(found[m].time[k]))[0] for k, m in enumerate(worst)])

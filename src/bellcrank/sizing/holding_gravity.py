@@ -77,9 +77,7 @@ class Gravity(Protocol):
         """The torques."""
 
 
-def gravity_holding_torques(
-    robot: Robot, starts: int = STARTS, seed: int = 0, mass_tolerance: float = 0.0, statics: Statics | None = None
-) -> Holding:
+def gravity_holding_torques(robot: Robot, mass_tolerance: float = 0.0, statics: Statics | None = None) -> Holding:
     """The largest static gravity torque of every joint with one degree of freedom, without friction.
 
     Revolute joints without limits range over one turn; others without limits stay at 0, and `notes` says so; a
@@ -90,17 +88,17 @@ def gravity_holding_torques(
     masses = robot if statics is None else statics
     joints = one_degree_joints(robot)
     names, count, ranges = tuple(joint.name for joint in joints), len(joints), joint_ranges(robot, joints)
-    notes = ranges.notes
+    starts, notes = STARTS, ranges.notes
     if count > MANY:
         if masses is robot and not robot.mimics() and not any(joint.kind == "screw" for joint in joints):
-            return _tree_search(robot, joints, ranges, starts, seed, mass_tolerance)
+            return _tree_search(robot, joints, ranges, mass_tolerance)
         fewer = max(1, starts * MANY // count)
         notes += (
             f"holding torques of {count} joints, some of which mimic others, are screws or have parameters, are "
             f"searched from {2 * fewer} postures a joint instead of {2 * starts}: larger ones may exist",
         )
         starts = fewer
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     search = HoldingSearch(robot, lambda q, p: masses.gravity_torque(q), [np.zeros(0)], starts, generator)
     found = search.ascent(np.zeros((1, 0)))
     if mass_tolerance > 0.0:
@@ -304,12 +302,10 @@ def _tree_search(
     robot: Robot,
     joints: tuple[RobotJoint, ...],
     ranges: JointRanges,
-    starts: int,
-    seed: int,
     mass_tolerance: float,
 ) -> Holding:
     """The search by passes along the tree, with notes about what it leaves open."""
-    found = TreeSearch(robot, joints, ranges, mass_tolerance).worst(starts, SETTINGS, np.random.default_rng(seed))
+    found = TreeSearch(robot, joints, ranges, mass_tolerance).worst(STARTS, SETTINGS, np.random.default_rng(0))
     names, notes = tuple(joint.name for joint in joints), ranges.notes
     if mass_tolerance > 0.0:
         notes += (

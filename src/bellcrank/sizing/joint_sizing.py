@@ -8,11 +8,11 @@ rad/s or m/s, powers W, energies J.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.sizing.drive_verdicts import DriveVerdict, kept
+from bellcrank.sizing.drive_verdicts import DriveJudging, DriveVerdict, kept
 
 # ---- What sizing finds at the motor shaft of one joint: peaks with their time and posture, and signed margins.
 
@@ -34,6 +34,11 @@ class Peak:
     position: tuple[float, ...]
 
 
+def largest_peak(peaks: Iterable[Peak | None]) -> Peak | None:
+    """The largest of the peaks that are known; None where none is."""
+    return max((peak for peak in peaks if peak is not None), key=lambda peak: peak.value, default=None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ShaftSizing:
     """What the motor of one joint must deliver at its shaft, compared with the limits of its actuator.
@@ -49,7 +54,8 @@ class ShaftSizing:
             curve that is partly unknown, of the part that is known; None where nothing is.
         inertia_ratio: Largest joint inertia over the rotor's reflected inertia; None where the rotor has no inertia, or
             an unknown one.
-        judged: What every criterion says of the motor and gear, along the cycles of its axis.
+        axis: Name of the joint, or of the motor of a coupled transmission.
+        judging: The drives of all axes, judged when their verdicts are asked for.
 
     Example:
         >>> import bellcrank as bc
@@ -64,7 +70,13 @@ class ShaftSizing:
     peak_speed: Peak
     curve_use: Peak | None
     inertia_ratio: float | None
-    judged: DriveVerdict
+    axis: str
+    judging: DriveJudging = field(repr=False)
+
+    @property
+    def judged(self) -> DriveVerdict:
+        """What every criterion says of the motor and gear, along the cycles of its axis."""
+        return self.judging.verdicts.of(self.axis)
 
     @property
     def margins(self) -> dict[str, float | None]:

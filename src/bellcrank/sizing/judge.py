@@ -15,7 +15,7 @@ from bellcrank.files.access import Trust
 from bellcrank.notes import reached
 from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.robot import Robot
-from bellcrank.sizing.drive_verdicts import DriveVerdicts, judge_drives
+from bellcrank.sizing.drive_verdicts import DriveJudging, DriveVerdicts
 from bellcrank.sizing.loads.massless_motors import refuse_massless
 from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
@@ -83,16 +83,16 @@ def judge(
     massless = refuse_massless("verdicts", subject.mechanism, subject.motions, allow_massless)
     config = subject.config
     drives = {name: one.under(stated) for name, one in subject.actuators.items()}
-    found = judge_drives(
-        subject.mechanism,
-        subject.motions,
-        drives,
+    found = DriveJudging(
+        mechanism=subject.mechanism,
+        motions=subject.motions,
+        drives=drives,
         duty=subject.duty,
         transmissions=() if config is None else config.transmissions,
         mounts=None if config is None else config.mounts,
         conditions=(Conditions() if config is None else config.conditions).updated(stated),
         mass_tolerance=tolerance,
-    )
+    ).verdicts
     notes = [*subject.file_notes, *([] if config is None else override_notes(config))]
     notes += subject.duty_notes
     notes += [*subject.mechanism.robot.findings, *subject.mechanism.robot.inertia_warnings, *massless]

@@ -27,16 +27,16 @@ from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_note
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion, require_joints
-from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts, judge_drives
+from bellcrank.sizing.drive_verdicts import DriveJudging
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
-from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing
+from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing, largest_peak
 from bellcrank.sizing.loads.coupled_axes import MotorLoads, axis_coordinates
 from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.loads.joint_histories import SizingInputs
 from bellcrank.sizing.loads.joint_loads import JointLoads
 from bellcrank.sizing.loads.massless_motors import massless_motors, singular_joints
-from bellcrank.sizing.loads.motion_peaks import JointPeaks, MotionPeaks, peaks_along, worst_peaks
+from bellcrank.sizing.loads.motion_peaks import MotionPeaks, peaks_along, worst_peaks
 from bellcrank.sizing.loads.structure_loads import worst_loads
 from bellcrank.sizing.result import Sizing
 
@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from bellcrank.actuators.mount import Mount
     from bellcrank.motion.duty_program import DutyStep
 
+PEAKS = (
+    "max_torque", "min_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power", "peak_bearing_force",
+    "peak_tilting_moment", "largest_inertia", "sampled_torque", "peak_torque",
+)  # fmt: skip
 PHRASES = {
     "efficiency": "the gear's efficiency",
     "rotor_inertia": "the rotor inertia",
@@ -67,7 +71,7 @@ def size_mechanism(
     """Size every motor of a mechanism over motions of all of its joints; `bellcrank.size` says what is included.
 
     `actuators` are by joint, those of coupled transmissions by motor; they are judged along the cycle of `duty`, by
-    default along each motion as a cycle.
+    default along each motion as a cycle, when `Sizing.judging` is asked for its verdicts.
 
     Raises InputError where there is no motion or a motion is of another robot, where an actuator names no joint or
     gives its rotor another inertia than the robot has, and where a load or margin is not a finite number.
@@ -77,10 +81,10 @@ def size_mechanism(
     _check(mechanism, motions, actuators)
     robot = mechanism.robot
     motions = [with_force_rows(mechanism, motion) for motion in motions]
-    judged = judge_drives(
-        mechanism,
-        motions,
-        at_axes,
+    judging = DriveJudging(
+        mechanism=mechanism,
+        motions=motions,
+        drives=at_axes,
         duty=duty,
         transmissions=transmissions,
         mounts=mounts,
@@ -95,9 +99,9 @@ def size_mechanism(
             coordinates = axis_coordinates(mechanism, transmissions)
             supplied = MotorLoads(mechanism, at_axes, mass_tolerance, coordinates)
             supply = [_peaks_along(supplied, motion) for motion in motions]
-            motors = _motor_sizings(supplied, supply, coupled, judged)
+            motors = _motor_sizings(supplied, supply, coupled, judging)
         holding = holding_torques(mechanism, motions, mass_tolerance)
-    joints = tuple(_joint_sizing(loads, k, each, motions, holding, judged) for k in range(len(loads.joints)))
+    joints = tuple(_joint_sizing(loads, k, each, motions, holding, judging) for k in range(len(loads.joints)))
     for joint in joints:
         refuse_non_finite_joint(robot.name, joint)
     massless = massless_motors(mechanism, motions, allow_massless)
@@ -110,7 +114,7 @@ def size_mechanism(
     for name, one in at_axes.items():
         what = _what(name, coupled)
         warnings += [f"actuator of {what}: {text}" for text in one.doubts]
-    warnings += judged.warnings
+    warnings += judging.warnings
     warnings += gear_notes(mechanism, joints, at_axes)
     warnings += [f"the power of all joints together is unknown; {text}" for text in _unknown_supply(supplied, coupled)]
     undetermined = tuple(dict.fromkeys(text for peaks in each for text in peaks.undetermined))
@@ -123,8 +127,8 @@ def size_mechanism(
         motions=tuple(motion.name for motion in motions),
         mass_tolerance=mass_tolerance,
         joints=joints,
-        supply_peak=_largest(peaks.supply for peaks in supply),
-        regeneration_peak=_largest(peaks.regeneration for peaks in supply),
+        supply_peak=largest_peak(peaks.supply for peaks in supply),
+        regeneration_peak=largest_peak(peaks.regeneration for peaks in supply),
         warnings=tuple(dict.fromkeys(warnings)),
         gravity=tuple(map(float, robot.gravity)),
         payloads=tuple((float(payload.mass), payload.frame) for payload in robot.payloads),
@@ -137,7 +141,7 @@ def size_mechanism(
         motors=motors,
         structure=worst_loads([peaks.structure for peaks in each]),
         undetermined=undetermined,
-        system=judged.system,
+        judging=judging,
     )
 
 
@@ -204,43 +208,31 @@ def _joint_sizing(
     each: Sequence[MotionPeaks],
     motions: Sequence[Motion],
     holding: Holding,
-    judged: DriveVerdicts,
+    judging: DriveJudging,
 ) -> JointSizing:
     """The sizing of the k-th joint from its peaks along each motion."""
     robot, joint = loads.mechanism.robot, loads.joints[k]
     worst, cycles = worst_peaks([peaks.joints[k] for peaks in each]), tuple(peaks.cycles[k] for peaks in each)
-    peak = max((worst.max_torque, worst.min_torque), key=lambda peak: abs(peak.value))
     actuator = loads.actuators.get(joint.name)
     return JointSizing(
         name=joint.name,
         kind=joint.kind,
-        peaks={
-            "max_torque": worst.max_torque,
-            "min_torque": worst.min_torque,
-            "peak_speed": worst.peak_speed,
-            "peak_motoring_power": worst.peak_motoring_power,
-            "peak_regenerating_power": worst.peak_regenerating_power,
-            "peak_bearing_force": worst.peak_bearing_force,
-            "peak_tilting_moment": worst.peak_tilting_moment,
-            "largest_inertia": worst.largest_inertia,
-            "sampled_torque": worst.sampled_torque,
-            "peak_torque": peak,
-        },
+        peaks={name: worst[name] for name in PEAKS},
         cycles=cycles,
-        friction_share=_friction_share(loads, k, peak, motions),
+        friction_share=_friction_share(loads, k, worst["peak_torque"], motions),
         holding_torque=float(holding.torque[k]),
         holding_position=tuple(map(float, holding.position[k])),
         effort_limit=_given(robot.effort_limit[joint.v]),
         velocity_limit=_given(robot.velocity_limit[joint.v]),
-        position_range=(worst.lowest_position.value, worst.highest_position.value),
+        position_range=(worst["lowest_position"].value, worst["highest_position"].value),
         position_limits=(_given(robot.lower[joint.q]), _given(robot.upper[joint.q])),
-        shaft=None if actuator is None else _shaft_sizing(actuator, worst, cycles, judged.of(joint.name)),
+        shaft=None if actuator is None else _shaft_sizing(actuator, worst, cycles, joint.name, judging),
         position_noise=max(motion.position_noise[joint.q] for motion in motions),
     )
 
 
 def _motor_sizings(
-    loads: MotorLoads, each: Sequence[MotionPeaks], names: Container[str], judged: DriveVerdicts
+    loads: MotorLoads, each: Sequence[MotionPeaks], names: Container[str], judging: DriveJudging
 ) -> tuple[MotorSizing, ...]:
     """The sizing of motors of coupled transmissions from the peaks at their axes along each motion."""
     found = []
@@ -251,10 +243,10 @@ def _motor_sizings(
         motor = MotorSizing(
             name=name,
             joints=loads.coordinates.joints[k],
-            peak_torque=max((worst.max_torque, worst.min_torque), key=lambda peak: abs(peak.value)),
-            peak_speed=worst.peak_speed,
+            peak_torque=worst["peak_torque"],
+            peak_speed=worst["peak_speed"],
             rms_torque=max(cycle.rms_torque for cycle in cycles),
-            shaft=_shaft_sizing(loads.actuators[name], worst, cycles, judged.of(name)),
+            shaft=_shaft_sizing(loads.actuators[name], worst, cycles, name, judging),
         )
         refuse_non_finite_motor(loads.mechanism.robot.name, motor)
         found.append(motor)
@@ -270,25 +262,22 @@ def _friction_share(loads: JointLoads, k: int, peak: Peak, motions: Sequence[Mot
     return friction / abs(peak.value) if peak.value else 0.0
 
 
-def _shaft_sizing(actuator: Actuator, peaks: JointPeaks, cycles: Sequence[Cycle], judged: DriveVerdict) -> ShaftSizing:
-    """What the motor's shaft delivers, and what criteria say of it."""
-    speed, known = peaks.peak_speed, not actuator.unknown_of_torque
+def _shaft_sizing(
+    actuator: Actuator, peaks: Mapping[str, Peak], cycles: Sequence[Cycle], axis: str, judging: DriveJudging
+) -> ShaftSizing:
+    """What the motor's shaft delivers."""
+    speed, known = peaks["peak_speed"], not actuator.unknown_of_torque
     reflected = actuator.reflected_inertia
     return ShaftSizing(
         actuator=actuator,
-        peak_torque=peaks.shaft_torque if known else None,
+        peak_torque=peaks["shaft_torque"] if known else None,
         rms_torque=max(cycle.rms_shaft_torque or 0.0 for cycle in cycles) if known else None,
         peak_speed=Peak(actuator.ratio * speed.value, speed.time, speed.motion, speed.position),
-        curve_use=peaks.curve_use if known and actuator.has_limits else None,
-        inertia_ratio=peaks.largest_inertia.value / reflected if reflected else None,
-        judged=judged,
+        curve_use=peaks["curve_use"] if known and actuator.has_limits else None,
+        inertia_ratio=peaks["largest_inertia"].value / reflected if reflected else None,
+        axis=axis,
+        judging=judging,
     )
-
-
-def _largest(peaks: Iterable[Peak | None]) -> Peak | None:
-    """The largest of peaks; None where they are unknown."""
-    known = [peak for peak in peaks if peak is not None]
-    return max(known, key=lambda peak: peak.value) if known else None
 
 
 def _unknown_supply(loads: JointLoads, coupled: Container[str]) -> list[str]:

@@ -14,6 +14,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
+from bellcrank.sizing.drive_verdicts import DriveJudging
 from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
 from bellcrank.sizing.loads.joint_histories import SizingInputs
 from bellcrank.sizing.loads.structure_loads import StructureLoad
@@ -41,6 +42,7 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
         supply_peak: Largest power that all joints together take from the supply at one instant, W; None where a figure
             of an actuator that it needs is unknown.
         regeneration_peak: Largest power that all joints together give back at one instant, W; None where unknown.
+        judging: The drives of all axes, judged when their verdicts are asked for.
         warnings: Sentences about what to look at.
         gravity: Gravity in the world frame, m/s².
         payloads: (mass in kg, frame) of each payload.
@@ -57,8 +59,6 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
         undetermined: A sentence for each joint whose peaks the rows of a sampled motion do not determine: another
             sampling changes them by more than 2 %; and a `Note` on each force and loop of the robot's file that is not
             modelled. With either, the verdict is not known.
-        system: The criteria of all axes together, supply power and regenerated energy; none unless every motor is given
-            by an actuator, and a limit of theirs or the motors' own figures are stated.
 
     Example:
         >>> import bellcrank as bc
@@ -73,6 +73,7 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
     joints: tuple[JointSizing, ...]
     supply_peak: Peak | None
     regeneration_peak: Peak | None
+    judging: DriveJudging = field(repr=False)
     warnings: tuple[str, ...] = ()
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     payloads: tuple[tuple[float, str], ...] = ()
@@ -86,8 +87,14 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
     motors: tuple[MotorSizing, ...] = ()
     structure: tuple[StructureLoad, ...] = ()
     undetermined: tuple[str, ...] = ()
-    system: tuple[CriterionResult, ...] = ()
     json_layout: ClassVar = JsonLayout(1, ascii_only=True)
+
+    @property
+    def system(self) -> tuple[CriterionResult, ...]:
+        """The criteria of all axes together, supply power and regenerated energy; none unless every motor is given by
+        an actuator, and a limit of theirs or the motors' own figures are stated.
+        """
+        return self.judging.verdicts.system
 
     def __repr__(self) -> str:
         inside = "inside as far as known" if self.unknown else "all inside"

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
-from bellcrank.dynamics.inverse.mechanism import coulomb_widths
+from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.dynamics.inverse.motor_torque_derivatives import Loads, MotorTorqueDerivatives
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.loads.joint_loads import JointLoads
-from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times
+from bellcrank.sizing.loads.motion_grid import root_mean_square
+from bellcrank.sizing.loads.motion_peaks import loads_grid
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
@@ -156,7 +156,9 @@ def _along(sizing: Sizing, names: Sequence[str]) -> list[_MotionLoads]:
             raise InputError(f"{scene.source}: sensitivities: {unknown_name('parameter', name, scene.parameters)}")
         places.append(list(scene.parameters).index(name))
     mechanism = inputs.mechanism
-    derivatives = MotorTorqueDerivatives(scene, mechanism.motors, _independent(sizing), tuple(places))
+    derivatives = MotorTorqueDerivatives(
+        scene, mechanism.motors, independent_joints(mechanism, sizing.motions[0]), tuple(places)
+    )
     if not derivatives.solvable:
         raise InputError(
             f"{scene.source}: sensitivities: the constraints of the linkage have redundant rows, or more than can be "
@@ -181,15 +183,13 @@ def _scene(sizing: Sizing) -> Scene:
     return replace(scene, robot=inputs.mechanism.robot)
 
 
-def _independent(sizing: Sizing) -> tuple[RobotJoint, ...]:
-    """Of a closed linkage the joints that determine the others, motors first."""
-    assert sizing.inputs is not None
-    mechanism = sizing.inputs.mechanism
+def independent_joints(mechanism: Mechanism, motion: str) -> tuple[RobotJoint, ...]:
+    """Of a closed linkage the joints that determine the others, motors first; a motion is named in errors."""
     if not isinstance(mechanism, Linkage):
         return ()
     candidates = [joint for joint in mechanism.robot.joints if joint.nv == 1]
     candidates.sort(key=lambda joint: joint not in mechanism.motors)
-    return mechanism.kinematics.independent(candidates, sizing.motions[0])
+    return mechanism.kinematics.independent(candidates, motion)
 
 
 class _MotionLoads:
@@ -201,9 +201,7 @@ class _MotionLoads:
         self.motion, self._derivatives = motion, derivatives
         loads = JointLoads(mechanism, sizing.inputs.actuators, 0.0)
         self._rotor, self._columns = loads.rotor_inertia, loads.columns
-        probes = reversal_times(motion, coulomb_widths(mechanism))
-        self.grid: Grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
-        g = self.grid
+        self.grid = g = loads_grid(loads, motion)
         self.loads, self.speed = self._at(g.force_time, g.position, g.velocity, g.acceleration)
 
     def _at(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Loads, Array]:
@@ -264,7 +262,7 @@ class _MotionLoads:
     def rms(self, k: int, j: int) -> float:
         """The derivative of the RMS torque."""
         w, torque = self.grid.weight, self.loads.torque[:, k]
-        rms = float(np.sqrt(w @ torque**2 / self.motion.duration))
+        rms = float(root_mean_square(w, torque[None], self.motion.duration)[0])
         if rms == 0.0:
             return 0.0
         return float(w @ (torque * self.loads.torque_slope[:, j, k])) / (self.motion.duration * rms)

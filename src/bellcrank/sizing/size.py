@@ -73,13 +73,6 @@ def size(
     given = None if actuators is None else checked_actuators(actuators)
     subject = sizing_subject(robot, motions, payloads, trust, given, overrides)
     omitted = reached(subject.file_notes)
-    if subject.config is None:
-        sizing = size_mechanism(subject.mechanism, subject.motions, subject.actuators, mass_tolerance, links)
-        return replace(
-            sizing,
-            warnings=(*subject.notes, *sizing.warnings),
-            undetermined=(*sizing.undetermined, *omitted),
-        )
     config = subject.config
     sizing = size_mechanism(
         subject.mechanism,
@@ -87,15 +80,17 @@ def size(
         subject.actuators,
         mass_tolerance,
         links,
-        config.transmissions,
+        () if config is None else config.transmissions,
         duty=subject.duty,
-        mounts=config.mounts,
-        conditions=config.conditions,
+        mounts=None if config is None else config.mounts,
+        conditions=None if config is None else config.conditions,
     )
-    warnings = (*subject.notes, *_transmission_notes(config), *sizing.warnings)
-    undetermined = (*sizing.undetermined, *omitted)
-    own = config if given is None else None  # else its file names other actuators
-    return replace(sizing, robot=config.name, config=own, warnings=warnings, undetermined=undetermined)
+    _ = sizing.judging.verdicts  # what is wrong with the loads of drives is said now
+    notes, undetermined = list(subject.notes), (*sizing.undetermined, *omitted)
+    if config is not None:
+        own = config if given is None else None  # else its file names other actuators
+        sizing, notes = replace(sizing, robot=config.name, config=own), [*notes, *_transmission_notes(config)]
+    return replace(sizing, warnings=(*notes, *sizing.warnings), undetermined=undetermined)
 
 
 def _transmission_notes(config: RobotConfig) -> list[str]:

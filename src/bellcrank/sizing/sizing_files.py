@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -16,9 +15,7 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
-from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
-from bellcrank.files.access import read_text
 from bellcrank.files.csv_files import write_table
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.csv_file import write_motion
@@ -111,16 +108,8 @@ def file_names(motions: Sequence[Motion]) -> list[str]:
 
 
 def earlier_files(folder: str | Path) -> list[str]:
-    """Names of the files that the sizing.json of a folder lists; none where there is no such file.
-
-    Only plain names of the kinds that a sizing writes are returned, so that no other file can be removed.
-    """
-    try:
-        document = json.loads(read_text(Path(folder) / "sizing.json"))
-    except (InputError, ValueError, RecursionError):
-        return []
-    listed = document.get("files") if isinstance(document, dict) else None
-    return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []
+    """Names of the files that the sizing.json of a folder lists; none where there is no such file."""
+    return json_files.listed_files(Path(folder) / "sizing.json", _OURS)
 
 
 def remove_stale(folder: str | Path, earlier: Iterable[str], written: Iterable[Path]) -> list[str]:

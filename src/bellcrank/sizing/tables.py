@@ -7,8 +7,16 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from bellcrank.notes import Note
-from bellcrank.sizing.text_tables import TableContent, html_table, text_table
+from bellcrank.sizing.text_tables import (
+    TableContent,
+    exceeded_limits,
+    html_table,
+    listed,
+    not_verified,
+    text_table,
+    undetermined_lines,
+    unknown_limits,
+)
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing
@@ -65,39 +73,17 @@ def sizing_html(sizing: Sizing) -> str:
     return f"<p><b>{answer}</b><br>{about}</p>{''.join(tables)}" + (f"<ul>{notes}</ul>" if notes else "")
 
 
-def not_known(texts: Sequence[str]) -> list[tuple[str, list[str]]]:
-    """What is not known, by its reason: what a robot's file says and is not modelled, and the rows of motions."""
-    omitted: list[str] = [text for text in texts if isinstance(text, Note)]
-    peaks = [text for text in texts if not isinstance(text, Note)]
-    titles = (
-        ("Not known: what the robot's file says, acts along the motions, and is not modelled", omitted),
-        ("Not known: peaks that the rows of a motion do not determine", peaks),
-    )
-    return [(title, found) for title, found in titles if found]
-
-
 def verdict(sizing: Sizing) -> str:
     """What cannot be sized, which limits are exceeded or that none is, errors of the URDF, and what was allowed."""
-    lines = []
-    if sizing.unsizable:
-        lines += ["cannot be sized:", *(f"  - {text}" for text in sizing.unsizable)]
-    if sizing.exceeded:
-        count = len(sizing.exceeded)
-        lines += [f"EXCEEDED: {count} limit{'' if count == 1 else 's'}", *(f"  - {text}" for text in sizing.exceeded)]
-    if sizing.not_verified:
-        motors = "1 motor" if len(sizing.not_verified) == 1 else f"{len(sizing.not_verified)} motors"
-        lines.append(f"Not verified: {motors} may be far too weak or too slow")
-        lines += [f"  - {text}" for text in sizing.not_verified]
-    if sizing.undetermined:
-        for title, texts in not_known(sizing.undetermined):
-            lines += [title, *(f"  - {text}" for text in texts)]
+    lines = listed("cannot be sized:", sizing.unsizable, wrap=False)
+    lines += exceeded_limits(sizing.exceeded, wrap=False)
+    lines += not_verified(sizing.not_verified, wrap=False)
+    lines += undetermined_lines(sizing.undetermined, wrap=False)
     if sizing.inside:
         lines.append(_kept(sizing))
-    if sizing.unknown:
-        lines += ["Unknown, because what they need is not stated:", *(f"  - {text}" for text in sizing.unknown)]
-    if sizing.urdf_errors:
-        lines.append("The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:")
-        lines += [f"  - {text}" for text in sizing.urdf_errors]
+    lines += unknown_limits(sizing.unknown, wrap=False)
+    errors = "The URDF has errors, which `bellcrank check` lists too, and the torques depend on them:"
+    lines += listed(errors, sizing.urdf_errors, wrap=False)
     if sizing.allowed_massless:
         lines.append(f"Joints that move no mass, as allowed: {', '.join(sizing.allowed_massless)}.")
     return "\n".join(lines)
@@ -155,129 +141,75 @@ def _heading(sizing: Sizing) -> str:
 
 def joint_rows(sizing: Sizing) -> TableContent:
     """Torques, speeds, powers and margins of each joint."""
-    units = _Units(sizing)
-    header = [
-        "joint",
-        units.header("peak", "torque"),
-        units.header("min", "torque"),
-        units.header("max", "torque"),
-        units.header("RMS", "torque"),
-        units.header("peak speed", "speed"),
-        units.header("mean speed", "speed"),
-        "motoring\n[W]",
-        "regenerating\n[W]",
-        "effort\nmargin",
-        "speed\nmargin",
-        "position\nmargin",
+    joints, units = sizing.joints, _Units(sizing.joints)
+    position = [
+        NO_LIMIT if one.position_margin is None else f"{one.position_margin:+.3g} {one.position_unit}" for one in joints
     ]
-    rows = []
-    for joint in sizing.joints:
-        position = joint.position_margin
-        rows.append(
-            [
-                joint.name,
-                units.cell(joint.peak_torque, joint.torque_unit),
-                units.cell(joint.min_torque, joint.torque_unit),
-                units.cell(joint.max_torque, joint.torque_unit),
-                units.cell(joint.rms_torque, joint.torque_unit),
-                units.cell(joint.peak_speed, joint.speed_unit),
-                units.cell(joint.mean_speed, joint.speed_unit),
-                *_figures(joint.peak_motoring_power, joint.peak_regenerating_power),
-                _percent(joint.effort_margin),
-                _percent(joint.velocity_margin),
-                NO_LIMIT if position is None else f"{position:+.3g} {joint.position_unit}",
-            ]
-        )
-    return TableContent(header, rows)
+    return TableContent.of(
+        ("joint", [joint.name for joint in joints]),
+        units.column("peak", "torque", "peak_torque"),
+        units.column("min", "torque", "min_torque"),
+        units.column("max", "torque", "max_torque"),
+        units.column("RMS", "torque", "rms_torque"),
+        units.column("peak speed", "speed", "peak_speed"),
+        units.column("mean speed", "speed", "mean_speed"),
+        ("motoring\n[W]", _figures(*(joint.peak_motoring_power for joint in joints))),
+        ("regenerating\n[W]", _figures(*(joint.peak_regenerating_power for joint in joints))),
+        ("effort\nmargin", [_percent(joint.effort_margin) for joint in joints]),
+        ("speed\nmargin", [_percent(joint.velocity_margin) for joint in joints]),
+        ("position\nmargin", position),
+    )
 
 
 def structure_rows(sizing: Sizing) -> TableContent:
     """Holding torque, friction, inertia, reactions and energies of each joint."""
-    units = _Units(sizing)
-    header = [
-        "joint",
-        units.header("peak at rows", "torque"),
-        units.header("holding", "torque"),
-        "friction share\nof the peak",
-        units.header("inertia M_ii", "inertia"),
-        "bearing force\n[N]",
-        "tilting moment\n[N m]",
-        "energy in\n[J]",
-        "given back\n[J]",
-        "peak at\n[s]",
-        "in motion",
-    ]
-    rows = []
-    for joint in sizing.joints:
-        peak = joint.peaks["peak_torque"]
-        rows.append(
-            [
-                joint.name,
-                units.cell(joint.sampled_torque, joint.torque_unit),
-                units.cell(joint.holding_torque, joint.torque_unit),
-                f"{joint.friction_share:.1%}",
-                units.cell(joint.largest_inertia, _inertia_unit(joint)),
-                *_figures(
-                    joint.peak_bearing_force,
-                    joint.peak_tilting_moment,
-                    joint.motoring_energy,
-                    joint.regenerated_energy,
-                    peak.time,
-                ),
-                peak.motion,
-            ]
-        )
-    return TableContent(header, rows)
+    joints, units = sizing.joints, _Units(sizing.joints)
+    peaks = [joint.peaks["peak_torque"] for joint in joints]
+    return TableContent.of(
+        ("joint", [joint.name for joint in joints]),
+        units.column("peak at rows", "torque", "sampled_torque"),
+        units.column("holding", "torque", "holding_torque"),
+        ("friction share\nof the peak", [f"{joint.friction_share:.1%}" for joint in joints]),
+        units.column("inertia M_ii", "inertia", "largest_inertia"),
+        ("bearing force\n[N]", _figures(*(joint.peak_bearing_force for joint in joints))),
+        ("tilting moment\n[N m]", _figures(*(joint.peak_tilting_moment for joint in joints))),
+        ("energy in\n[J]", _figures(*(joint.motoring_energy for joint in joints))),
+        ("given back\n[J]", _figures(*(joint.regenerated_energy for joint in joints))),
+        ("peak at\n[s]", _figures(*(peak.time for peak in peaks))),
+        ("in motion", [peak.motion for peak in peaks]),
+    )
 
 
 def force_rows(sizing: Sizing) -> TableContent:
     """The largest force and moment in each constraint and joint without a motor."""
-    header = ["constraint or joint", "kind", "force\n[N]", "moment\n[N m]", "force at\n[s]", "in motion"]
-    rows = []
-    for load in sizing.structure:
-        force, moment = load.peak_force, load.peak_moment
-        first = force or moment
-        rows.append(
-            [
-                load.name,
-                load.kind,
-                "-" if force is None else _figures(force.value)[0],
-                "-" if moment is None else _figures(moment.value)[0],
-                "-" if force is None else _figures(force.time)[0],
-                first.motion if first else "-",
-            ]
-        )
-    return TableContent(header, rows)
+    forces, moments = ([getattr(load, name) for load in sizing.structure] for name in ("peak_force", "peak_moment"))
+    first = [force or moment for force, moment in zip(forces, moments, strict=True)]
+    return TableContent.of(
+        ("constraint or joint", [load.name for load in sizing.structure]),
+        ("kind", [load.kind for load in sizing.structure]),
+        ("force\n[N]", ["-" if one is None else _figures(one.value)[0] for one in forces]),
+        ("moment\n[N m]", ["-" if one is None else _figures(one.value)[0] for one in moments]),
+        ("force at\n[s]", ["-" if one is None else _figures(one.time)[0] for one in forces]),
+        ("in motion", [one.motion if one else "-" for one in first]),
+    )
 
 
 def shaft_rows(sizing: Sizing) -> TableContent:
     """What each motor's shaft delivers, and its margins."""
-    header = [
-        "joint or motor" if sizing.motors else "joint",
-        "peak\n[N m]",
-        "RMS\n[N m]",
-        "peak speed\n[rad/s]",
-        "peak speed\n[rpm]",
-        "load/rotor\ninertia",
-        "peak\nmargin",
-        "continuous\nmargin",
-        "speed\nmargin",
-        "verdict",
-    ]
-    rows = []
-    for name, shaft in sizing.shafts:
-        rows.append(
-            [
-                name,
-                UNKNOWN if shaft.peak_torque is None else _figures(shaft.peak_torque.value)[0],
-                UNKNOWN if shaft.rms_torque is None else _figures(shaft.rms_torque)[0],
-                *_figures(shaft.peak_speed.value, shaft.peak_speed.value * 30.0 / math.pi),
-                _inertia_ratio(shaft),
-                *(_margin_of(shaft, name) for name in ("peak torque", "continuous torque", "motor speed")),
-                shaft.verdict,
-            ]
-        )
-    return TableContent(header, rows)
+    shafts = [shaft for _, shaft in sizing.shafts]
+    speeds = [shaft.peak_speed.value for shaft in shafts]
+    peaks = [None if shaft.peak_torque is None else shaft.peak_torque.value for shaft in shafts]
+    margins = ("peak", "peak torque"), ("continuous", "continuous torque"), ("speed", "motor speed")
+    return TableContent.of(
+        ("joint or motor" if sizing.motors else "joint", [name for name, _ in sizing.shafts]),
+        ("peak\n[N m]", [UNKNOWN if peak is None else _figures(peak)[0] for peak in peaks]),
+        ("RMS\n[N m]", [UNKNOWN if one.rms_torque is None else _figures(one.rms_torque)[0] for one in shafts]),
+        ("peak speed\n[rad/s]", _figures(*speeds)),
+        ("peak speed\n[rpm]", _figures(*(speed * 30.0 / math.pi for speed in speeds))),
+        ("load/rotor\ninertia", [_inertia_ratio(shaft) for shaft in shafts]),
+        *((f"{title}\nmargin", [_margin_of(shaft, name) for shaft in shafts]) for title, name in margins),
+        ("verdict", [shaft.verdict for shaft in shafts]),
+    )
 
 
 def _margin_of(shaft: ShaftSizing, criterion: str) -> str:
@@ -297,17 +229,19 @@ def _inertia_ratio(shaft: ShaftSizing) -> str:
 class _Units:
     """Where units are written: in the header where all joints are of one kind, else in each cell."""
 
-    def __init__(self, sizing: Sizing) -> None:
-        self.mixed = len({joint.kind == "prismatic" for joint in sizing.joints}) > 1
-        one = sizing.joints[0]
-        self.of = {"torque": one.torque_unit, "speed": one.speed_unit, "inertia": _inertia_unit(one)}
+    def __init__(self, joints: Sequence[JointSizing]) -> None:
+        self.joints, self.mixed = joints, len({joint.kind == "prismatic" for joint in joints}) > 1
 
-    def header(self, title: str, quantity: str) -> str:
-        return title if self.mixed else f"{title}\n[{self.of[quantity]}]"
-
-    def cell(self, value: float, unit: str) -> str:
-        [figure] = _figures(value)
-        return f"{figure} {unit}" if self.mixed else figure
+    def column(self, title: str, quantity: str, name: str) -> tuple[str, list[str]]:
+        """The title and cells of an attribute of joints, which is a torque, speed or inertia."""
+        units = [
+            {"torque": joint.torque_unit, "speed": joint.speed_unit, "inertia": _inertia_unit(joint)}[quantity]
+            for joint in self.joints
+        ]
+        cells = _figures(*(getattr(joint, name) for joint in self.joints))
+        if self.mixed:
+            return title, [f"{cell} {unit}" for cell, unit in zip(cells, units, strict=True)]
+        return f"{title}\n[{units[0]}]", cells
 
 
 def _inertia_unit(joint: JointSizing) -> str:

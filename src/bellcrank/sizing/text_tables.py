@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Collection, Sequence
 from html import escape
 from typing import NamedTuple
+
+from bellcrank.notes import Note
+
+WIDTH = 100  # characters of a line of the terminal
 
 
 class TableContent(NamedTuple):
@@ -12,6 +17,12 @@ class TableContent(NamedTuple):
 
     header: list[str]
     rows: list[list[str]]
+
+    @classmethod
+    def of(cls, *columns: tuple[str, list[str]]) -> TableContent:
+        """A table of columns: their titles and cells."""
+        titles, cells = zip(*columns, strict=True)
+        return cls(list(titles), [list(row) for row in zip(*cells, strict=True)])
 
 
 def text_table(content: TableContent, texts: Collection[int] | None = None) -> str:
@@ -47,3 +58,49 @@ def html_table(title: str, content: TableContent) -> str:
         for first, *others in content.rows
     )
     return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"
+
+
+def wrapped(text: str, first: str = "", then: str | None = None) -> str:
+    """A text in lines that fit a terminal, the first and the others indented."""
+    then = first if then is None else then
+    return textwrap.fill(
+        text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """A number of things, such as "1 limit" or "2 axes"."""
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+# ---- Parts of a verdict: a title, and its texts below; nothing where there is no text.
+
+
+def listed(title: str, texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """Texts below a title."""
+    return [title, *(wrapped(text, "  - ", "    ") if wrap else f"  - {text}" for text in texts)] if texts else []
+
+
+def exceeded_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """The limits that are exceeded."""
+    return listed(f"EXCEEDED: {counted(len(texts), 'limit')}", texts, wrap)
+
+
+def not_verified(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """The motors of which a main criterion is unknown."""
+    return listed(f"Not verified: {counted(len(texts), 'motor')} may be far too weak or too slow", texts, wrap)
+
+
+def undetermined_lines(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """What is not known, by its reason: what a robot's file says and is not modelled, and the rows of motions."""
+    omitted = [text for text in texts if isinstance(text, Note)]
+    peaks = [text for text in texts if not isinstance(text, Note)]
+    return [
+        *listed("Not known: what the robot's file says, acts along the motions, and is not modelled", omitted, wrap),
+        *listed("Not known: peaks that the rows of a motion do not determine", peaks, wrap),
+    ]
+
+
+def unknown_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """What could not be compared."""
+    return listed("Unknown, because what they need is not stated:", texts, wrap)

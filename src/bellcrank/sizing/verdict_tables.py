@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bellcrank.sizing.selection.criteria import CriterionResult
-from bellcrank.sizing.selection.tables import percent, reserve_note, selected_for, undetermined_lines, wrapped
+from bellcrank.sizing.selection.tables import percent, reserve_note, selected_for
+from bellcrank.sizing.text_tables import exceeded_limits, not_verified, undetermined_lines, unknown_limits, wrapped
 
 if TYPE_CHECKING:
     from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts
@@ -34,26 +35,15 @@ def _criteria_lines(criteria: Sequence[CriterionResult]) -> list[str]:
 
 def verdict(verdicts: DriveVerdicts) -> str:
     """Which limits are exceeded or that none is, which motors are not verified, and what is unknown."""
-    lines = []
     exceeded = [f"{one.axis}: {each.name}: {each.text}" for one in verdicts.drives for each in one.exceeded]
     exceeded += [f"all axes together: {one.name}: {one.text}" for one in verdicts.system if one.verdict == "exceeded"]
-    if exceeded:
-        lines.append(f"EXCEEDED: {len(exceeded)} limit{'' if len(exceeded) == 1 else 's'}")
-        lines += [wrapped(text, "  - ", "    ") for text in exceeded]
-    weak = [one for one in verdicts.drives if one.main_unknown]
-    if weak:
-        motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
-        lines.append(f"Not verified: {motors} may be far too weak or too slow")
-        lines += [wrapped(f"{one.axis}: {_names(one.main_unknown)} unknown", "  - ", "    ") for one in weak]
-    lines += undetermined_lines(verdicts.undetermined)
+    weak = [f"{one.axis}: {_names(one.main_unknown)} unknown" for one in verdicts.drives if one.main_unknown]
+    lines = [*exceeded_limits(exceeded), *not_verified(weak), *undetermined_lines(verdicts.undetermined)]
     if verdicts.inside:
         lines.append(_kept(verdicts))
     if verdicts.axes_without:
         lines.append(wrapped(f"Without an actuator, and not judged: {', '.join(verdicts.axes_without)}"))
-    unknown = [(one.axis, _names(one.unknown)) for one in verdicts.drives if one.unknown]
-    if unknown:
-        lines.append("Unknown, because what they need is not stated:")
-        lines += [wrapped(f"{axis}: {names}", "  - ", "    ") for axis, names in unknown]
+    lines += unknown_limits([f"{one.axis}: {_names(one.unknown)}" for one in verdicts.drives if one.unknown])
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ from random_catalogue import random_cycles, random_gears, random_motors
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.thermal import ThermalModel
-from bellcrank.sizing.selection.judge import CRITERIA, NOT_EVALUATED, VERDICTS, judge
+from bellcrank.sizing.selection.judge import CRITERIA, NOT_EVALUATED, VERDICTS, in_words, judge
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
@@ -112,7 +112,7 @@ def test_judgement_agrees_with_each_criterion_for_itself(
     found = judge(pairs, loads, conditions)
     kinds = set()
     for number in np.random.default_rng(seed).permutation(len(pairs))[:150]:
-        results = {result.name: result for result in found.results(int(number))}
+        results = {result.name: result for result in in_words(pairs.take(slice(number, number + 1)), loads, conditions)}
         known = [r.use for r in results.values() if r.use is not None]
         evaluated = found.verdict[:, number] != NOT_EVALUATED
         for row, criterion in enumerate(found.criteria):

@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.criteria import CriterionResult, figure, lacks, worst
 from bellcrank.sizing.selection.gear_criteria import average_torque
-from bellcrank.sizing.selection.judge import CRITERIA, NOTES, VERDICTS, judge
+from bellcrank.sizing.selection.judge import CRITERIA, NOTES, VERDICTS, in_words, judge
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import FEW
@@ -40,7 +40,7 @@ def results(
 ) -> dict[str, CriterionResult]:
     pairs = Pairs.possible([motor], [gear])
     pair = pairs.take(pairs.with_gear if gear.kind != "direct" else ~pairs.with_gear)
-    return {one.name: one for one in judge(pair, loads or load(), conditions).results(0)}
+    return {one.name: one for one in in_words(pair, loads or load(), conditions)}
 
 
 def test_a_complete_strong_pair_is_shown_by_every_criterion() -> None:

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT
 from bellcrank.actuators.motor import Motor
-from bellcrank.sizing.selection.judge import judge
+from bellcrank.sizing.selection.judge import in_words
 from bellcrank.sizing.selection.load_reductions import reduce_loads
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -24,7 +24,7 @@ def test_the_use_is_the_factor_by_which_the_farthest_sample_lies_outside_the_cur
     curve = ((0.0, 1.3 * torque), (middle[0] * speed, middle[1] * torque), (1.1 * speed, 0.2 * torque))
     motor = Motor(id="m", maker="", model="", rotor_inertia=inertia, coulomb_friction=0.0, viscous_friction=0.0,
                   peak_curve=curve)  # fmt: skip
-    found = {one.name: one for one in judge(Pairs.possible([motor], [DIRECT]), loads, Conditions()).results(0)}
+    found = {one.name: one for one in in_words(Pairs.of((motor, DIRECT)), loads, Conditions())}
 
     corners = np.array(curve)
     uses = []

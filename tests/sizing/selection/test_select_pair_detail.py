@@ -166,7 +166,7 @@ def test_temperatures_are_those_of_the_criterion(chosen):
             pair = Pairs.possible([motor], [gear]).take(np.array([1]))
             assert pair.rows(0) == (motor, gear)
             loads = reduce_loads(tuple(one.axis for one in chosen.axes), chosen.cycles)[axis]
-            for ((_, cycles),) in (cycles_of(pair, loads, chosen.conditions),):
+            for ((_, _, cycles),) in (cycles_of(pair, loads, chosen.conditions),):
                 peaks = [peak_temperatures(pair, cycle, chosen.conditions)[0, :2] for cycle in cycles]
             for peak, seen in zip(peaks, detail.cycles, strict=True):
                 np.testing.assert_allclose(seen.temperature[:, 1:].max(axis=0), peak, atol=0.05)

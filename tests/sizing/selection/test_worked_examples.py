@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.gear_criteria import GearAverageSpeed, GearAverageTorque, GearRepeatedPeak
-from bellcrank.sizing.selection.judge import CRITERIA, judge
+from bellcrank.sizing.selection.judge import CRITERIA, in_words
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_loads
 from bellcrank.sizing.selection.matching_criteria import inertia_ratio
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion, MotorSpeed, PeakTorque
@@ -162,8 +162,7 @@ def test_yaskawa_position_control_example() -> None:
     assert rounds_to(-decelerating, "0.319")
     assert rounds_to(demand(ContinuousTorqueCriterion(), pair, loads), "0.205")
     assert demand(PeakTorque(), pair, loads) == pytest.approx(accelerating, rel=1e-12)
-    found = judge(pair, loads, CONDITIONS)
-    results = {result.name: result for result in found.results(0)}
+    results = {result.name: result for result in in_words(pair, loads, CONDITIONS)}
     for name in ("motor speed", "continuous torque", "peak torque"):  # "the selected motor is sufficient"
         assert results[name].verdict == "inside"
     assert results["continuous torque"].use == pytest.approx(0.205 / 0.637, rel=2e-3)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,12 +34,14 @@ from bellcrank.sizing.loads.motion_grid import (
     Grid,
     coarse_grid_along,
     reversal_times,
+    root_mean_square,
     with_probes,
 )
-from bellcrank.sizing.loads.series_maxima import Brackets, brackets_of, refined
+from bellcrank.sizing.loads.series_maxima import MaximaSearch
 from bellcrank.sizing.loads.waypoint_states import OwnGrid
 
 Array = NDArray[np.float64]
+Whole = NDArray[np.intp]
 Index = Any  # what selects designs or motors: numbers, or arrays of them
 Torques = Callable[[Array, Array, Array, Array, Array], Array]  # (t, q, v, a, p) -> (n, k)
 LARGEST = 1e100  # N m or N, as in inverse dynamics: larger torques are not used
@@ -157,9 +160,8 @@ class DesignMotion:
         """The peaks of designs. Those of one do not depend on the others, to the last bit."""
         k, n = len(self.columns), len(designs)
         count = 3 * k + 2 * len(designs.joints)
-        top, finite = np.zeros((n, count)), np.zeros(n, dtype=bool)
+        search, finite = MaximaSearch(n, count), np.zeros(n, dtype=bool)
         rms, rms_shaft = np.zeros((n, k)), np.zeros((n, len(designs.joints)))
-        found: list[Brackets] = []
         for d in range(n):
             grid = designs.states.on_grid(d)
             v, a = grid.velocity.T[self.columns], grid.acceleration.T[self.columns]
@@ -173,17 +175,15 @@ class DesignMotion:
             finite[d] = np.isfinite(table).all()
             if not finite[d]:
                 continue
-            top[d] = table.max(axis=1)
+            search.add(d, grid.time, table)
             duration = float(grid.time[-1] - grid.time[0])
-            rms[d] = _root_mean_square(grid.weight, torque, duration)
+            rms[d] = root_mean_square(grid.weight, torque, duration)
             shaft = table[3 * k : 3 * k + len(designs.joints)]
             more = self._missed_at_zeros(designs, d, grid.weight, (torque, v, a), shaft)
-            rms_shaft[d] = _root_mean_square(grid.weight, shaft, duration, more)
-            brackets = brackets_of(grid.time, table)
-            found.append(Brackets(brackets.series + d * count, brackets.time, brackets.value))
-        self._refine(designs, top, found)
+            rms_shaft[d] = root_mean_square(grid.weight, shaft, duration, more)
+        largest = search.largest(partial(self._between, designs)).value
         cuts = np.cumsum([k, k, k, len(designs.joints)])
-        parts = dict(zip(SERIES, np.split(top, cuts, axis=1), strict=True))
+        parts = dict(zip(SERIES, np.split(largest, cuts, axis=1), strict=True))
         parts["min_torque"] = -parts["min_torque"]
         return DesignPeaks(**parts, rms_torque=rms, rms_shaft_torque=rms_shaft, finite=finite)
 
@@ -237,47 +237,21 @@ class DesignMotion:
         np.add.at(missed, series, exact - (weight * shaft[series[:, None], inner[part]] ** 2).sum(axis=1))
         return missed
 
-    def _refine(self, designs: DesignInputs, top: Array, found: Sequence[Brackets]) -> None:
-        """Raise the largest values `top` (n, c) to those between the points of the grid."""
-        if not found:
-            return
-        count, k, shafts = top.shape[1], len(self.columns), len(designs.joints)
-        every = Brackets(
-            *(np.concatenate([getattr(one, name) for one in found]) for name in ("series", "time", "value"))
-        )
-        design, series = np.divmod(every.series, count)
+    def _between(self, designs: DesignInputs, own: Whole, series: Whole, times: Array) -> Array:
+        """The values (m,) of series of designs (m,) at times (m,), between the points of the grid."""
+        k, shafts, each = len(self.columns), len(designs.joints), np.arange(len(times))
         kind = np.searchsorted(np.cumsum([k, k, k, shafts]), series, side="right")
-        place = series - np.array([0, k, 2 * k, 3 * k, 3 * k + shafts])[kind]
-        at_shaft = kind >= 3
-        joint = np.where(at_shaft, designs.joints[np.where(at_shaft, place, 0)] if shafts else 0, place)
-        shaft = np.where(at_shaft, place, 0)
-
-        def values(which: NDArray[np.intp], times: Array) -> Array:
-            rows = np.repeat(which, times.shape[1])
-            own, column = design[rows], joint[rows]
-            q, v, a = designs.states.between(own, times.ravel())
-            forces = np.minimum(times.ravel(), self.grid.force_time[-1])  # the motion ends before a jump at its end
-            each = np.arange(len(rows))
-            speed, rate = (x[each, np.array(self.columns)[column]] for x in (v, a))
-            torque = self.torques(forces, q, v, a, designs.parameters[own])[each, column]
-            torque = torque - designs.rotor_inertia[column] * rate
-            what = kind[rows]
-            line = np.where(what == 1, -torque, np.where(what == 2, np.abs(torque * speed), torque))
-            if (on := np.flatnonzero(what >= 3)).size:
-                of = own[on], shaft[rows[on]]
-                load = designs.trains[of].shaft_torque(torque[on], speed[on], rate[on])
-                use = designs.curve_use(*of, load, speed[on])
-                line[on] = np.where(what[on] == 3, np.abs(load), use)
-            return np.asarray(line.reshape(times.shape))
-
-        np.maximum.at(top, (design, series), refined(every, values))
-
-
-def _root_mean_square(weight: Array, rows: Array, duration: float, more: Array | float = 0.0) -> Array:
-    """The RMS (k,) of rows (k, n) with weights (n,), s, over a duration, s; its rounding does not depend on BLAS.
-    `more` (k,) is added to the integrals of squares.
-    """
-    size = np.abs(rows).max(axis=1, initial=0.0)
-    size = np.where(size > 1e100, size, 1.0)
-    whole = np.add.reduce(weight * (rows / size[:, None]) ** 2, axis=1) + more / size / size
-    return np.asarray(size * np.sqrt(np.maximum(whole, 0.0) / duration))
+        shaft = np.where(kind >= 3, series - np.array([0, 0, 0, 3 * k, 3 * k + shafts])[kind], 0)
+        column = np.where(kind >= 3, designs.joints[shaft] if shafts else 0, series % k)
+        q, v, a = designs.states.between(own, times)
+        forces = np.minimum(times, self.grid.force_time[-1])  # the motion ends before a jump at its end
+        speed, rate = (x[each, np.array(self.columns)[column]] for x in (v, a))
+        torque = self.torques(forces, q, v, a, designs.parameters[own])[each, column]
+        torque = torque - designs.rotor_inertia[column] * rate
+        line = np.where(kind == 1, -torque, np.where(kind == 2, np.abs(torque * speed), torque))
+        if (on := np.flatnonzero(kind >= 3)).size:
+            of = own[on], shaft[on]
+            load = designs.trains[of].shaft_torque(torque[on], speed[on], rate[on])
+            use = designs.curve_use(*of, load, speed[on])
+            line[on] = np.where(kind[on] == 3, np.abs(load), use)
+        return np.asarray(line)

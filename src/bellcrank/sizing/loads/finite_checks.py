@@ -60,20 +60,13 @@ def refuse_non_finite_motor(robot: str, motor: MotorSizing) -> None:
             raise InputError(f"sizing of {robot}: the {name} of motor '{motor.name}' is {_found(value)}, {REMEDY}")
 
 
-def root_mean_square(weight: Array, rows: Array, duration: float) -> Array:
-    """The RMS (k,) of rows (n, k) with weights (n,), s, over a duration, s; squares do not overflow."""
-    size = np.abs(rows).max(axis=0, initial=0.0)
-    size = np.where(size > 1e100, size, 1.0)
-    return np.asarray(size * np.sqrt(weight @ (rows / size) ** 2 / duration))
-
-
 def _numbers(value: Any, name: str) -> Iterable[tuple[str, float]]:
     """All floats in a result, with the names of their fields."""
     if isinstance(value, float):
         yield name, value
     elif is_dataclass(value):
         for entry in fields(value):
-            if entry.name == "judged":  # a use is infinite where the limit is 0, or the temperature rises without end
+            if entry.name == "judging":  # a use is infinite where the limit is 0, or the temperature rises without end
                 continue
             yield from _numbers(getattr(value, entry.name), f"{name} {entry.name}".replace("_", " ").strip())
     elif isinstance(value, Mapping):

@@ -10,7 +10,7 @@ rest where a motion begins or ends rests before and after it too: there a point 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -237,9 +237,7 @@ def _cut_at_zeros(motion: Motion, torque: Torque, low: Array, high: Array) -> tu
 
 def _in_blocks(motion: Motion, torque: Torque, time: Array) -> Array:
     """Torques (n, k) at times (n,)."""
-    step = rows_at_once(motion)
-    blocks = [time[first : first + step] for first in range(0, len(time), step)]
-    return np.concatenate([torque(block, *motion.at(block)) for block in blocks])
+    return np.concatenate([torque(time[part], *motion.at(time[part])) for part in blocks(motion, len(time))])
 
 
 def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array) -> tuple[Array, Array]:
@@ -262,9 +260,9 @@ def _merged(motion: Motion, loads: Torque, low: Array, high: Array, kinks: Array
 
 def _squares(motion: Motion, loads: Torque, low: Array, high: Array) -> Array:
     """The Gauss-Legendre sums (m, k) of each squared load over parts (m,)."""
-    step, found = rows_at_once(motion), []
-    for first in range(0, len(low), step):
-        begin, length = low[first : first + step], (high - low)[first : first + step]
+    found = []
+    for part in blocks(motion, len(low)):
+        begin, length = low[part], (high - low)[part]
         time = (begin[:, None] + length[:, None] * NODES[1:-1]).ravel()
         values = loads(time, *motion.at(time)).reshape(len(begin), 3, -1)
         found.append(length[:, None] * np.einsum("j,njk->nk", WEIGHTS[1:-1], values**2))
@@ -296,6 +294,17 @@ def reversal_times(motion: Motion, rough: Sequence[tuple[int, float]]) -> Array:
     return np.array(found, dtype=np.float64)
 
 
-def rows_at_once(motion: Motion) -> int:
-    """How many states of a motion's robot are evaluated together."""
-    return max(LEAST_BLOCK, BLOCK_NUMBERS // max(1, motion.nv))
+def blocks(motion: Motion, count: int) -> Iterator[slice]:
+    """Parts of `count` states of a motion's robot that are evaluated together."""
+    step = max(LEAST_BLOCK, BLOCK_NUMBERS // max(1, motion.nv))
+    return (slice(first, first + step) for first in range(0, count, step))
+
+
+def root_mean_square(weight: Array, rows: Array, duration: float, more: Array | float = 0.0) -> Array:
+    """The RMS (k,) of rows (k, n) with weights (n,), s, over a duration, s; its rounding does not depend on BLAS, and
+    squares do not overflow. `more` (k,) is added to the integrals of squares.
+    """
+    size = np.abs(rows).max(axis=1, initial=0.0)
+    size = np.where(size > 1e100, size, 1.0)
+    whole = np.add.reduce(weight * (rows / size[:, None]) ** 2, axis=1) + more / size / size
+    return np.asarray(size * np.sqrt(np.maximum(whole, 0.0) / duration))

@@ -5,7 +5,7 @@ that changes where every other row is left out, or that only interpolation makes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,11 @@ from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.sampled_motion import with_every_other_row
 from bellcrank.sizing.joint_sizing import Cycle, Peak
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite, root_mean_square
+from bellcrank.sizing.loads.finite_checks import refuse_non_finite
 from bellcrank.sizing.loads.joint_loads import JointLoads
-from bellcrank.sizing.loads.maxima import Maxima, maxima
-from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times
-from bellcrank.sizing.loads.structure_loads import StructureLoad, structure_loads
+from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times, root_mean_square
+from bellcrank.sizing.loads.series_maxima import Maxima, maxima, on_grid
+from bellcrank.sizing.loads.structure_loads import StructureLoad, peaks_on_grid, structure_loads
 
 Array = NDArray[np.float64]
 TOLERATED = 0.02  # of a peak: it may exceed that at the rows, and another sampling may change it, by this
@@ -31,34 +31,17 @@ LESS_NOISE = "its rows are noisy or have too few digits: filter them, or give ac
 LOWEST = ("min_torque", "lowest_position")  # minima among the peaks; they are found as maxima of the negated series
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointPeaks:
-    """The peaks of one joint; `shaft_torque` and `curve_use` are its actuator's, 0 without one or where unknown."""
-
-    max_torque: Peak
-    min_torque: Peak
-    peak_speed: Peak
-    peak_motoring_power: Peak
-    peak_regenerating_power: Peak
-    shaft_torque: Peak
-    curve_use: Peak
-    highest_position: Peak
-    lowest_position: Peak
-    peak_bearing_force: Peak
-    peak_tilting_moment: Peak
-    largest_inertia: Peak
-    sampled_torque: Peak
-
-
 @dataclass(frozen=True)
 class MotionPeaks:
     """The peaks and cycles of all joints along a motion, those of the supply, and the loads in the structure.
 
-    The supply's are None where they are unknown; an open chain has no loads in its structure. `undetermined` has a
-    sentence for each joint whose peaks the rows of the motion do not determine.
+    Those of each joint are by name, as in `JointSizing.peaks`, with `shaft_torque` and `curve_use` of its actuator (0
+    without one or where unknown), `highest_position` and `lowest_position`. The supply's are None where they are
+    unknown; an open chain has no loads in its structure. `undetermined` has a sentence for each joint whose peaks the
+    rows of the motion do not determine.
     """
 
-    joints: tuple[JointPeaks, ...]
+    joints: tuple[Mapping[str, Peak], ...]
     cycles: tuple[Cycle, ...]
     supply: Peak | None
     regeneration: Peak | None
@@ -68,25 +51,32 @@ class MotionPeaks:
 
 def peaks_along(loads: JointLoads, motion: Motion) -> MotionPeaks:
     """The peaks and cycles along a motion. Raises InputError where a load is not a finite number."""
-    mechanism = loads.mechanism
-    probes = reversal_times(motion, coulomb_widths(mechanism))
-    grid = grid_along(motion, probes, force_breaks(mechanism), loads.nominal_torque)
+    mechanism, grid = loads.mechanism, loads_grid(loads, motion)
     values: dict[str, Array] = {}
     largest: dict[str, Maxima] = {}
     for quantities in (lambda *state: loads.history(*state).maximised(), loads.reactions, loads.inertia):
-        found, most = maxima(motion, grid, quantities)
+        found = on_grid(motion, grid, quantities)
         refuse_non_finite(mechanism.robot.name, loads.joint_names, grid.time, found)
         values |= found
-        largest |= most
+        largest |= maxima(motion, grid, found, quantities)
     peaks = {name: _peaks(motion, found, -1.0 if name in LOWEST else 1.0) for name, found in largest.items()}
     [supply], [regeneration] = peaks.pop("supply"), peaks.pop("regeneration")
-    peaks["sampled_torque"] = _peaks_at_rows(motion, grid, np.maximum(values["max_torque"], values["min_torque"]))
-    joints = tuple(JointPeaks(**{name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
+    size = np.maximum(values["max_torque"], values["min_torque"])
+    peaks["sampled_torque"] = peaks_on_grid(
+        motion, grid, np.where(np.isin(grid.time, motion.time)[:, None], size, -np.inf)
+    )
+    joints = tuple(_with_peak_torque({name: each[k] for name, each in peaks.items()}) for k in range(len(loads.joints)))
     cycles, structure = _cycles(loads, motion, grid, values), structure_loads(mechanism, motion, grid)
     doubts = _undetermined(loads, motion, grid, joints)
     if loads.unknown_supply:
         return MotionPeaks(joints, cycles, None, None, structure, doubts)
     return MotionPeaks(joints, cycles, supply, regeneration, structure, doubts)
+
+
+def loads_grid(loads: JointLoads, motion: Motion) -> Grid:
+    """The grid of a motion on which loads are integrated."""
+    probes = reversal_times(motion, coulomb_widths(loads.mechanism))
+    return grid_along(motion, probes, force_breaks(loads.mechanism), loads.nominal_torque)
 
 
 def undetermined_peaks(
@@ -103,13 +93,19 @@ def undetermined_peaks(
     return tuple(dict.fromkeys(text for peaks in each for text in peaks.undetermined))
 
 
-def worst_peaks(each: Sequence[JointPeaks]) -> JointPeaks:
+def worst_peaks(each: Sequence[Mapping[str, Peak]]) -> dict[str, Peak]:
     """The largest of each of a joint's peaks over several motions; the smallest of those that are minima."""
-    worst = {}
-    for name in (entry.name for entry in fields(JointPeaks)):
-        candidates: list[Peak] = [getattr(peaks, name) for peaks in each]
-        worst[name] = (min if name in LOWEST else max)(candidates, key=lambda peak: peak.value)
-    return JointPeaks(**worst)
+    return _with_peak_torque(
+        {
+            name: (min if name in LOWEST else max)((peaks[name] for peaks in each), key=lambda peak: peak.value)
+            for name in each[0]
+        }
+    )
+
+
+def _with_peak_torque(peaks: dict[str, Peak]) -> dict[str, Peak]:
+    """Peaks of a joint with the one of its signed torques that is larger by magnitude."""
+    return peaks | {"peak_torque": max(peaks["max_torque"], peaks["min_torque"], key=lambda peak: abs(peak.value))}
 
 
 def _peaks(motion: Motion, found: Maxima, sign: float) -> list[Peak]:
@@ -120,16 +116,6 @@ def _peaks(motion: Motion, found: Maxima, sign: float) -> list[Peak]:
     ]
 
 
-def _peaks_at_rows(motion: Motion, grid: Grid, torque: Array) -> list[Peak]:
-    """The largest |torque| (n, k) of each joint at those points of the grid that are rows of the motion."""
-    at_rows = np.flatnonzero(np.isin(grid.time, motion.time))
-    rows = at_rows[torque[at_rows].argmax(axis=0)]
-    return [
-        Peak(float(torque[row, k]), float(grid.time[row]), motion.name, tuple(map(float, grid.position[row])))
-        for k, row in enumerate(rows.tolist())
-    ]
-
-
 def _cycles(loads: JointLoads, motion: Motion, grid: Grid, values: Mapping[str, Array]) -> tuple[Cycle, ...]:
     """RMS torques, mean speeds and energies of each joint, from the values on the grid."""
 
@@ -137,8 +123,7 @@ def _cycles(loads: JointLoads, motion: Motion, grid: Grid, values: Mapping[str, 
         return np.asarray(grid.weight @ samples)
 
     torque = np.maximum(np.abs(values["max_torque"]), np.abs(values["min_torque"]))
-    rms = root_mean_square(grid.weight, torque, motion.duration)
-    shaft = root_mean_square(grid.weight, values["shaft_torque"], motion.duration)
+    rms, shaft = (root_mean_square(grid.weight, rows.T, motion.duration) for rows in (torque, values["shaft_torque"]))
     mean = integral(values["peak_speed"]) / motion.duration
     into, out = integral(values["peak_motoring_power"]), integral(values["peak_regenerating_power"])
     return tuple(
@@ -155,7 +140,9 @@ def _cycles(loads: JointLoads, motion: Motion, grid: Grid, values: Mapping[str, 
     )
 
 
-def _undetermined(loads: JointLoads, motion: Motion, grid: Grid, joints: Sequence[JointPeaks]) -> tuple[str, ...]:
+def _undetermined(
+    loads: JointLoads, motion: Motion, grid: Grid, joints: Sequence[Mapping[str, Peak]]
+) -> tuple[str, ...]:
     """A sentence for each joint whose peak torque or speed along a motion its rows do not determine to 2 %."""
     if not motion.interpolated.any():
         return ()
@@ -190,21 +177,21 @@ def _noisy(acceleration: Array) -> bool:
     return bool(np.abs(bend[1:][turns]).sum() > 0.5 * np.abs(bend).sum())
 
 
-def _between_rows(loads: JointLoads, motion: Motion, joints: Sequence[JointPeaks]) -> tuple[str, ...]:
+def _between_rows(loads: JointLoads, motion: Motion, joints: Sequence[Mapping[str, Peak]]) -> tuple[str, ...]:
     """A sentence for each joint whose peak torque lies where the motion is interpolated and exceeds that at the rows by
     more than 2 %.
     """
     found = []
     for joint, peaks in zip(loads.joints, joints, strict=True):
-        peak = max((peaks.max_torque, peaks.min_torque), key=lambda one: abs(one.value))
+        peak, sampled = peaks["peak_torque"], peaks["sampled_torque"].value
         row = int(np.clip(np.searchsorted(motion.time, peak.time, side="right") - 1, 0, len(motion) - 2))
-        if abs(peak.value) - peaks.sampled_torque.value <= TOLERATED * abs(peak.value) or not motion.interpolated[row]:
+        if abs(peak.value) - sampled <= TOLERATED * abs(peak.value) or not motion.interpolated[row]:
             continue
         unit = "N" if joint.kind == "prismatic" else "N m"
         found.append(
             f"joint '{joint.name}': its peak of {abs(peak.value):.4g} {unit} lies between two rows of motion "
             f"'{motion.name}' (at {peak.time:.4g} s), where it rests on interpolation; at the rows it is "
-            f"{peaks.sampled_torque.value:.4g} {unit}; {MORE_ROWS}"
+            f"{sampled:.4g} {unit}; {MORE_ROWS}"
         )
     return tuple(found)
 

@@ -1,5 +1,7 @@
 """The largest values of many series over time, refined between points where the series are known.
 
+The series are those of one motion, or of many designs.
+
 The largest local maxima of each series are bracketed between their neighbours. A bracket is narrowed to the vertex of
 the parabola through its three points, until the values no longer differ: for a smooth maximum the width falls by 20 in
 each round, and what is left of the value with its square. Where that does not help, as at a corner, the bracket is
@@ -8,15 +10,20 @@ divided evenly.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.motion.motion import Motion
+from bellcrank.sizing.loads.motion_grid import Grid, blocks
+
 Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
-Values = Callable[[Whole, Array], Array]  # (brackets (b,), times (b, 3)) -> the values (b, 3) of their series
+Values = Callable[[Whole, Whole, Array], Array]  # (designs (m,), series (m,), times (m,)) -> values (m,)
+Quantities = Callable[[Array, Array, Array, Array], Mapping[str, Array]]  # (t, q, v, a) -> name: (n, k)
 
 CANDIDATES = 6  # local maxima of a series that are refined
 TOP = 0.02  # of a series' range: lower local maxima are not refined
@@ -26,24 +33,90 @@ LEVEL = 1e-6  # of the value at an end: so little less next to it says that ther
 FLAT = 1e-12  # of the value: a bracket in which it changes by less is narrow enough
 GAIN = 1e-14  # of the value: a vertex that is higher by less is not looked at, where the bracket is
 ALMOST_FLAT = 1e-8  # by this share
+SHORTEST = 4e-16  # of the latest time of a bracket: a shorter one holds no time between
 MOST_ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Brackets:
-    """Local maxima (b,) of series: the number of the series, the times (b, 3) of the highest point and its
+class Maxima:
+    """Largest values of series, of any shape, and the times, s, at which they occur."""
+
+    value: Array
+    time: Array
+
+
+def maxima(motion: Motion, grid: Grid, values: Mapping[str, Array], quantities: Quantities) -> dict[str, Maxima]:
+    """The largest values (k,) of each quantity along a motion, from its `values` (n, k) on the motion's grid."""
+    search = MaximaSearch(1, sum(each.shape[1] for each in values.values()))
+    search.add(0, grid.time, np.concatenate(list(values.values()), axis=1).T)
+
+    def between(_: Whole, series: Whole, times: Array) -> Array:
+        found = np.empty(len(times))
+        for part in blocks(motion, len(times)):
+            forces = np.minimum(times[part], grid.force_time[-1])  # the motion ends before a jump at its end
+            every = quantities(forces, *grid.at(motion, times[part]))
+            found[part] = np.concatenate(list(every.values()), axis=1)[np.arange(len(forces)), series[part]]
+        return found
+
+    largest = search.largest(between)
+    edges = np.cumsum([each.shape[1] for each in values.values()])[:-1]
+    both = zip(np.split(largest.value[0], edges), np.split(largest.time[0], edges), strict=True)
+    return {name: Maxima(*each) for name, each in zip(values, both, strict=True)}
+
+
+def on_grid(motion: Motion, grid: Grid, quantities: Quantities) -> dict[str, Array]:
+    """The values (n, k) of each quantity on the grid of a motion."""
+    found = [
+        quantities(grid.force_time[part], grid.position[part], grid.velocity[part], grid.acceleration[part])
+        for part in blocks(motion, len(grid.time))
+    ]
+    return {name: np.concatenate([block[name] for block in found]) for name in found[0]}
+
+
+class MaximaSearch:
+    """The search for the largest values of c series of each of n designs. Each is found from its own values alone,
+    whatever the others are.
+    """
+
+    def __init__(self, n: int, c: int) -> None:
+        self._value, self._time = np.zeros((n, c)), np.zeros((n, c))
+        self._found: list[_Brackets] = []
+
+    def add(self, design: int, time: Array, table: Array) -> None:
+        """Take the series (c, n) of one design at times (n,)."""
+        best = table.argmax(axis=1)
+        self._value[design], self._time[design] = table[np.arange(len(table)), best], time[best]
+        self._found.append(_brackets(time, table, design))
+
+    def largest(self, values: Values) -> Maxima:
+        """The largest values (n, c) between all times, 0 for designs without series."""
+        if self._found:
+            design, series, time, value = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
+
+            def at(which: Whole, times: Array) -> Array:
+                rows = np.repeat(which, times.shape[1])
+                return values(design[rows], series[rows], times.ravel()).reshape(times.shape)
+
+            best, when = _refined(time, value, at)
+            order = np.argsort(best, kind="stable")
+            order = order[best[order] > self._value[design[order], series[order]]]
+            place = design[order], series[order]  # of several brackets of a series the last counts, with the largest
+            self._value[place], self._time[place] = best[order], when[order]
+        return Maxima(self._value, self._time)
+
+
+class _Brackets(NamedTuple):
+    """Local maxima (b,): the numbers of the design and the series, the times (b, 3) of the highest point and its
     neighbours, and the values (b, 3) there.
     """
 
+    design: Whole
     series: Whole
     time: Array
     value: Array
 
-    def __len__(self) -> int:
-        return len(self.series)
 
-
-def brackets_of(time: Array, table: Array) -> Brackets:
+def _brackets(time: Array, table: Array, design: int) -> _Brackets:
     """The local maxima of series (c, n) at times (n,) that may hold a series' largest value between the points."""
     highest = table.max(axis=1, keepdims=True)
     spread = highest - table.min(axis=1, keepdims=True)
@@ -59,7 +132,7 @@ def brackets_of(time: Array, table: Array) -> Brackets:
     kept = np.flatnonzero(local)
     kept = kept[_first(series[kept], value[kept, 1])]
     times = np.stack([time[before[kept]], time[place[kept]], time[after[kept]]], axis=1)
-    return Brackets(series[kept], times, value[kept])
+    return _Brackets(np.full(len(kept), design), series[kept], times, value[kept])
 
 
 def _first(series: Whole, value: Array) -> Whole:
@@ -69,18 +142,19 @@ def _first(series: Whole, value: Array) -> Whole:
     return order[np.arange(len(order)) - begin < CANDIDATES]
 
 
-def refined(brackets: Brackets, values: Values) -> Array:
-    """The largest value (b,) in each bracket. Each is found from its own values alone, whatever the others are."""
-    best = brackets.value[:, 1].copy()
-    which = np.arange(len(brackets))
-    time, value = brackets.time.copy(), brackets.value.copy()
+def _refined(time: Array, value: Array, values: Callable[[Whole, Array], Array]) -> tuple[Array, Array]:
+    """The largest value (b,) in each bracket, with times and values (b, 3), and its time; `values` are those of
+    brackets (m,) at times (m, 3).
+    """
+    best, when = value[:, 1].copy(), time[:, 1].copy()
+    which, late = np.arange(len(best)), np.abs(time).max(axis=1)
     even = np.zeros(len(which), dtype=bool)
     for _ in range(MOST_ROUNDS):
         level = np.abs(value[:, 1])
         drop = value[:, 1] - value.min(axis=1)
         vertex, gain = vertex_of(time, value)
         done = (drop <= FLAT * level) | ((drop <= ALMOST_FLAT * level) & (gain <= GAIN * level))
-        done |= time[:, 2] - time[:, 0] <= 4e-16 * np.abs(time[:, 1])
+        done |= time[:, 2] - time[:, 0] <= SHORTEST * late[which]  # next to a jump
         go = ~done
         which, time, value, vertex, even = which[go], time[go], value[go], vertex[go], even[go]
         if not len(which):
@@ -91,11 +165,12 @@ def refined(brackets: Brackets, values: Values) -> Array:
         at_end = (time[:, 1] == time[:, 0]) | (time[:, 1] == time[:, 2])
         time, value = _narrowed(np.concatenate([time, probes], axis=1), np.concatenate([value, found], axis=1))
         even = time[:, 2] - time[:, 0] > 0.5 * width
-        best[which] = np.maximum(best[which], value[:, 1])
+        rises = value[:, 1] > best[which]
+        best[which[rises]], when[which[rises]] = value[rises, 1], time[rises, 1]
         stays = at_end & ((time[:, 1] == time[:, 0]) | (time[:, 1] == time[:, 2]))
         stays &= value[:, 1] - value.min(axis=1) <= LEVEL * np.abs(value[:, 1])  # the maximum is at the end itself
         which, time, value, even = which[~stays], time[~stays], value[~stays], even[~stays]
-    return best
+    return best, when
 
 
 def vertex_of(time: Array, value: Array) -> tuple[Array, Array]:

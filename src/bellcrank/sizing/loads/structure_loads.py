@@ -6,15 +6,15 @@ the points between them at which torques are integrated, with the nominal masses
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.sizing.joint_sizing import Peak
-from bellcrank.sizing.loads.motion_grid import Grid, rows_at_once
+from bellcrank.sizing.joint_sizing import Peak, largest_peak
+from bellcrank.sizing.loads.motion_grid import Grid, blocks
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
@@ -56,9 +56,8 @@ def structure_loads(mechanism: Mechanism, motion: Motion, grid: Grid) -> tuple[S
     motors = {joint.name for joint in mechanism.motors}
     of = {joint.name: joint.kind for joint in mechanism.robot.joints}
     joints = [(k, name) for k, name in enumerate(mechanism.robot.all_joint_names) if name not in motors]
-    sizes, step = list[Array](), rows_at_once(motion)
-    for first in range(0, len(grid.time), step):
-        part = slice(first, first + step)
+    sizes: list[Array] = []
+    for part in blocks(motion, len(grid.time)):
         state = grid.force_time[part], grid.position[part], grid.velocity[part], grid.acceleration[part]
         multipliers, wrenches = mechanism.torques(*state)[1], mechanism.reactions(*state)
         columns = [
@@ -69,12 +68,7 @@ def structure_loads(mechanism: Mechanism, motion: Motion, grid: Grid) -> tuple[S
         for k, _ in joints:
             columns += [np.linalg.norm(wrenches[:, k, :3], axis=1), np.linalg.norm(wrenches[:, k, 3:], axis=1)]
         sizes.append(np.column_stack(columns))
-    table = np.concatenate(sizes)
-    row = table.argmax(axis=0)
-    peaks: list[Peak | None] = [
-        Peak(float(table[r, c]), float(grid.time[r]), motion.name, tuple(map(float, grid.position[r])))
-        for c, r in enumerate(row.tolist())
-    ]
+    peaks: list[Peak | None] = [*peaks_on_grid(motion, grid, np.concatenate(sizes))]
     found = []
     for k, name in enumerate(constraints):
         force, moment = (
@@ -87,14 +81,22 @@ def structure_loads(mechanism: Mechanism, motion: Motion, grid: Grid) -> tuple[S
     return tuple(found)
 
 
+def peaks_on_grid(motion: Motion, grid: Grid, table: Array) -> list[Peak]:
+    """The largest values of the columns of a table (n, k) at the points of the grid."""
+    return [
+        Peak(float(table[row, k]), float(grid.time[row]), motion.name, tuple(map(float, grid.position[row])))
+        for k, row in enumerate(table.argmax(axis=0).tolist())
+    ]
+
+
 def worst_loads(each: Sequence[tuple[StructureLoad, ...]]) -> tuple[StructureLoad, ...]:
     """The largest of the loads over several motions."""
     return tuple(
         StructureLoad(
             name=same[0].name,
             kind=same[0].kind,
-            peak_force=_largest(load.peak_force for load in same),
-            peak_moment=_largest(load.peak_moment for load in same),
+            peak_force=largest_peak(load.peak_force for load in same),
+            peak_moment=largest_peak(load.peak_moment for load in same),
         )
         for same in zip(*each, strict=True)
     )
@@ -103,7 +105,3 @@ def worst_loads(each: Sequence[tuple[StructureLoad, ...]]) -> tuple[StructureLoa
 def _rows(names: Sequence[tuple[str, str]], constraint: str, unit: str) -> list[int]:
     """The multipliers of a constraint that have a unit."""
     return [k for k, (name, label) in enumerate(names) if name == constraint and label.endswith(unit)]
-
-
-def _largest(peaks: Iterable[Peak | None]) -> Peak | None:
-    return max((peak for peak in peaks if peak is not None), key=lambda peak: peak.value, default=None)

@@ -20,7 +20,7 @@ from bellcrank.robot.model.joints import JointLike
 from bellcrank.sizing.loads.design_states import States, Whole
 from bellcrank.sizing.loads.motion_grid import BISECTIONS, FINEST, NODES, WEIGHTS, Grid, divided
 from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
-from bellcrank.sizing.loads.series_maxima import Brackets, brackets_of, refined
+from bellcrank.sizing.loads.series_maxima import MaximaSearch
 
 Array = NDArray[np.float64]
 SIMPSON = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0  # at NODES
@@ -193,26 +193,19 @@ class WaypointStates:
 
     def extremes(self, q: Sequence[int], v: Sequence[int]) -> dict[str, Array]:
         """Of coordinates q (k) and v (k) of each design (d, k): peak |speed|, highest position, lowest times −1."""
-        count, k, top, found = len(self.knots), len(v), [], []
+        count, k = len(self.knots), len(v)
+        search = MaximaSearch(count, 3 * k)
         for d in range(count):
             grid = self.on_grid(d)
             table = np.concatenate([np.abs(grid.velocity[:, v]), grid.position[:, q], -grid.position[:, q]], axis=1).T
-            top.append(table.max(axis=1))
-            brackets = brackets_of(grid.time, np.ascontiguousarray(table))
-            found.append(Brackets(brackets.series + d * 3 * k, brackets.time, brackets.value))
-        every = Brackets(
-            *(np.concatenate([getattr(one, name) for one in found]) for name in ("series", "time", "value"))
-        )
-        design, series = np.divmod(every.series, 3 * k)
+            search.add(d, grid.time, np.ascontiguousarray(table))
 
-        def values(which: Whole, times: Array) -> Array:
-            rows = np.repeat(which, times.shape[1])
-            position, velocity, _ = self._at(design[rows], times.ravel())
-            kind, place = np.divmod(series[rows], k)
-            here, each = np.arange(len(rows)), np.array([1.0, 1.0, -1.0])[kind]
+        def values(designs: Whole, series: Whole, times: Array) -> Array:
+            position, velocity, _ = self._at(designs, times)
+            kind, place = np.divmod(series, k)
+            here, each = np.arange(len(times)), np.array([1.0, 1.0, -1.0])[kind]
             speed, value = np.abs(velocity[here, np.array(v)[place]]), each * position[here, np.array(q)[place]]
-            return np.asarray(np.where(kind == 0, speed, value).reshape(times.shape))
+            return np.asarray(np.where(kind == 0, speed, value))
 
-        largest = np.stack(top)
-        np.maximum.at(largest, (design, series), refined(every, values))
+        largest = search.largest(values).value
         return dict(zip(("peak", "highest", "lowest"), largest.reshape(count, 3, k).transpose(1, 0, 2), strict=True))

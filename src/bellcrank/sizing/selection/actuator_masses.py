@@ -29,13 +29,11 @@ class Bodies:
         mass: (m,) kg; NaN where that of the motor or the gear is unknown.
         classes: (m,) number of the body in `bodies`; `UNKNOWN_MASS` where the mass is unknown.
         bodies: The different bodies, the lighter first.
-        point_masses: (m,) whether a diameter or length is not stated.
     """
 
     mass: Array
     classes: Indices
     bodies: tuple[AddedMass, ...]
-    point_masses: NDArray[np.bool_]
 
 
 def bodies_of(motors: Sequence[Motor], gears: Sequence[Gear], motor: Indices, gear: Indices) -> Bodies:
@@ -62,7 +60,6 @@ def bodies_of(motors: Sequence[Motor], gears: Sequence[Gear], motor: Indices, ge
         mass=masses,
         classes=classes,
         bodies=tuple(AddedMass(mass=m, axial_inertia=a, transverse_inertia=t) for m, a, t in different.tolist()),
-        point_masses=stated & ~(np.isfinite(first[:, 1:]).all(axis=1) & np.isfinite(second[:, 1:]).all(axis=1)),
     )
 
 

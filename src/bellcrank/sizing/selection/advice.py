@@ -12,15 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from bellcrank.actuators.gear import Gear
-from bellcrank.actuators.motor import Motor
 from bellcrank.sizing.selection.axis_loads import LoadCycle
 from bellcrank.sizing.selection.joint_problem import Masses
 from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
 from bellcrank.sizing.selection.matching_criteria import MotorType
-from bellcrank.sizing.selection.pairs import Pairs, Products
+from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.ranking import failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 from bellcrank.sizing.selection.tables import percent
@@ -78,7 +76,7 @@ class _Remedies:
         if pair.gear.ratio is None or pair.gear.kind == "direct":
             return ""
         ratios = pair.gear.ratio * RATIOS
-        geared = _pairs([(pair.motor, replace(pair.gear, ratio=float(ratio))) for ratio in ratios])
+        geared = Pairs.of(*((pair.motor, replace(pair.gear, ratio=float(ratio))) for ratio in ratios))
         passing = ratios[judge(geared, self.loads, self.conditions).tier < 2]
         if not len(passing):
             return ""
@@ -94,7 +92,7 @@ class _Remedies:
 
         def passes(factor: float) -> bool:
             conditions = replace(self.conditions, voltage=now * factor)
-            return bool(judge(_pairs([(self.motor, self.gear)]), self.loads, conditions).tier[0] < 2)
+            return bool(judge(Pairs.of((self.motor, self.gear)), self.loads, conditions).tier[0] < 2)
 
         factor = _first(VOLTAGES.tolist(), passes)
         return f"a voltage of {now * factor:.3g} V in place of {now:g} V" if factor else ""
@@ -118,13 +116,6 @@ class _Remedies:
         motor, gear = pairs.rows(int(passing(factor)[0]))
         name = motor.id if gear.kind == "direct" else f"{motor.id}+{gear.id}"
         return f"motions that last about {factor:.2f} times as long (then {name} passes what is known)"
-
-
-def _pairs(rows: Sequence[tuple[Motor, Gear]]) -> Pairs:
-    """Pairs of products that are not in the catalogue."""
-    numbers = np.arange(len(rows))
-    products = Products.of([motor for motor, _ in rows], [gear for _, gear in rows])
-    return Pairs(products=products, motor=numbers, gear=numbers, fits=np.ones(len(rows), dtype=bool))
 
 
 def _first(values: Sequence[float], passes: Callable[[float], bool]) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,16 @@ def axis_loads(
         >>> [axis.name for axis in loads.axes], loads.cycles[0].duration
         (['shoulder', 'elbow'], 1.0)
     """
+    return axis_model(mechanism, motions, transmissions, mounts).along(motions, duty, drives, mass_tolerance, added)
+
+
+def axis_model(
+    mechanism: Mechanism,
+    motions: Sequence[Motion],
+    transmissions: Iterable[CoupledTransmission] | None,
+    mounts: Mapping[str, Mount] | None,
+) -> AxisModel:
+    """The axes of a mechanism and the model of their loads. Raises InputError as `axis_loads`, but for loads."""
     if not mechanism.motors:
         raise InputError(f"loads of {mechanism.robot.name}: the robot has no joint that a motor could drive")
     for motion in motions:
@@ -85,23 +95,6 @@ def axis_loads(
     coupled = axis_coordinates(mechanism, checked_transmissions(transmissions))
     kinematics = MountKinematics(mechanism, coupled.mounted_at, chosen)
     _check_included(mechanism, kinematics.bodies, chosen)
-    model = LoadModel(kinematics, coupled.matrix)
-    included = [_included(chosen.get(body.name)) for body in kinematics.bodies]
-    changes = {
-        number: one.numbers - included[number].numbers
-        for number, body in enumerate(kinematics.bodies)
-        if (one := (added or {}).get(body.name)) is not None
-    }
-    motions = [with_force_rows(mechanism, motion) for motion in motions]
-    names = list(coupled.mounted_at)
-    given = {names.index(name): one for name, one in (drives or {}).items() if not one.unknown_of_torque}
-    plans = planned_cycles(
-        mechanism,
-        motions,
-        duty,
-        lambda *states: model.laden_torques(States(*states), changes),
-        _shafts(given, coupled.matrix),
-    )
     axes = tuple(
         DrivenAxis(
             name=body.name,
@@ -110,25 +103,60 @@ def axis_loads(
             mount=body.mount,
             mount_point=body.mount_point,
             mount_direction=body.mount_direction,
-            included=there,
+            included=_included(chosen.get(body.name)),
         )
-        for body, kind, joints, there in zip(kinematics.bodies, coupled.kinds, coupled.joints, included, strict=True)
+        for body, kind, joints in zip(kinematics.bodies, coupled.kinds, coupled.joints, strict=True)
     )
-    terms = tuple(_terms(model, plan, [axis.name for axis in axes]) for plan in plans)
-    cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))
-    if mass_tolerance:
-        cycles = tuple(
-            worst
-            for plan, cycle in zip(plans, cycles, strict=True)
-            for worst in _off_by(model, plan, cycle, mass_tolerance, given)
+    return AxisModel(axes, LoadModel(kinematics, coupled.matrix))
+
+
+@dataclass(frozen=True, eq=False)
+class AxisModel:
+    """The axes of a mechanism, and the model of their loads."""
+
+    axes: tuple[DrivenAxis, ...]
+    model: LoadModel
+
+    def along(
+        self,
+        motions: Sequence[Motion],
+        duty: Sequence[DutyStep] | None,
+        drives: Mapping[str, Actuator] | None = None,
+        mass_tolerance: float = 0.0,
+        added: Mapping[str, AddedMass] | None = None,
+    ) -> AxisLoads:
+        """The loads of each cycle: see `axis_loads`."""
+        model, names = self.model, [axis.name for axis in self.axes]
+        mechanism = model.mechanism
+        changes = {
+            number: one.numbers - axis.included.numbers
+            for number, axis in enumerate(self.axes)
+            if (one := (added or {}).get(axis.name)) is not None
+        }
+        motions = [with_force_rows(mechanism, motion) for motion in motions]
+        given = {names.index(name): one for name, one in (drives or {}).items() if not one.unknown_of_torque}
+        plans = planned_cycles(
+            mechanism,
+            motions,
+            duty,
+            lambda *states: model.laden_torques(States(*states), changes),
+            _shafts(given, model.coordinates),
         )
-    return AxisLoads(
-        axes=axes,
-        cycles=cycles,
-        influence=_influence(len(axes), terms),
-        terms=terms,
-        warnings=transition_notes(mechanism, motions, duty),
-    )
+        terms = tuple(_terms(model, plan, names) for plan in plans)
+        cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))
+        if mass_tolerance:
+            cycles = tuple(
+                worst
+                for plan, cycle in zip(plans, cycles, strict=True)
+                for worst in _off_by(model, plan, cycle, mass_tolerance, given)
+            )
+        return AxisLoads(
+            axes=self.axes,
+            cycles=cycles,
+            influence=_influence(len(names), terms),
+            terms=terms,
+            warnings=transition_notes(mechanism, motions, duty),
+        )
 
 
 def _shafts(drives: Mapping[int, Actuator], coordinates: Array) -> Shafts | None:

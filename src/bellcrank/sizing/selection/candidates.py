@@ -24,12 +24,13 @@ from bellcrank.sizing.selection.judge import (
     UNKNOWN,
     Judgement,
     Tier,
+    in_words,
     judge,
     verdicts,
 )
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes, without_unknown_masses
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
-from bellcrank.sizing.selection.pairs import Pairs, Products
+from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.ranking import failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 
@@ -188,10 +189,8 @@ class CriteriaInWords(Sequence[CriterionResult], Portable):
     @cached_property
     def results(self) -> tuple[CriterionResult, ...]:
         """The results."""
-        one = np.zeros(1, dtype=np.intp)
-        pair = Pairs(products=Products.of([self.motor], [self.gear]), motor=one, gear=one, fits=one == 0)
         loads, conditions, unknown_masses = self.under
-        found = tuple(each.result(pair, loads, conditions) for each in (*CRITERIA, *NOTES))
+        found = in_words(Pairs.of((self.motor, self.gear)), loads, conditions)
         return tuple(without_mass(result, unknown_masses) for result in found) if unknown_masses else found
 
     def __len__(self) -> int:

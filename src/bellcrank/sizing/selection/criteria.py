@@ -140,10 +140,9 @@ class Criterion(ABC):
         """
         shown = np.ones(len(pairs), dtype=bool)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for rows, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
-                part, levels = (pairs, level) if rows is None else (pairs.take(rows), level[rows])
+            for rows, part, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
                 for cycle in cycles:
-                    shown[slice(None) if rows is None else rows] &= self.cycle_below(part, cycle, conditions, levels)
+                    shown[rows] &= self.cycle_below(part, cycle, conditions, level[rows])
         return shown
 
     def use(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Array:
@@ -163,10 +162,9 @@ class Criterion(ABC):
         """Utilisation (c, m) in each cycle."""
         uses = np.empty((len(loads.cycles), len(pairs)))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for rows, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
-                part = pairs if rows is None else pairs.take(rows)
+            for rows, part, cycles in cycles_of(pairs, loads, conditions, of_gear=self.of_gear):
                 for number, cycle in enumerate(cycles):
-                    uses[number, slice(None) if rows is None else rows] = self.cycle_use(part, cycle, conditions)
+                    uses[number, rows] = self.cycle_use(part, cycle, conditions)
         return uses
 
     def result(self, pair: Pairs, loads: ReducedLoads, conditions: Conditions) -> CriterionResult:
@@ -176,7 +174,7 @@ class Criterion(ABC):
         judged = bool(self.applies(pair, loads.axis, conditions)[0])
         if not judged and not self.of_ratings and pair.of_motor("by_ratings")[0]:
             return CriterionResult(name=self.name, use=None, verdict="note", text=BY_RATINGS)
-        ((_, cycles),) = cycles_of(pair, loads, conditions, of_gear=self.of_gear)
+        ((_, _, cycles),) = cycles_of(pair, loads, conditions, of_gear=self.of_gear)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             loads_of = uses[:, 0]
             if np.isnan(use):  # of the cycles in which it is unknown, that of the largest load
@@ -358,16 +356,14 @@ def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
 
 def cycles_of(
     pairs: Pairs, loads: ReducedLoads, conditions: Conditions, *, of_gear: bool = False
-) -> list[tuple[NDArray[np.intp] | None, tuple[ReducedCycle, ...]]]:
-    """The cycles by rows of pairs (None: all rows); a gear with an efficiency over load has cycles of its own."""
+) -> list[tuple[NDArray[np.intp] | slice, Pairs, tuple[ReducedCycle, ...]]]:
+    """Rows of pairs, these pairs, and their cycles: a gear with an efficiency over load has cycles of its own."""
     common = loads.with_safety_factor(conditions.safety_factor)
     curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]
     if of_gear or not curved.any():
-        return [(None, common.cycles)]
-    own = []
-    for number in np.unique(pairs.gear[curved]):
-        rows = np.nonzero(pairs.gear == number)[0]
-        own.append((rows, common.through(pairs.products.gears[number])))
+        return [(slice(None), pairs, common.cycles)]
+    own = [(pairs.gear == n, common.through(pairs.products.gears[n])) for n in np.unique(pairs.gear[curved])]
     if len(own) == 1 and curved.all():
-        return [(None, own[0][1])]
-    return [*own, (np.nonzero(~curved)[0], common.cycles)]
+        return [(slice(None), pairs, own[0][1])]
+    parts = [(np.nonzero(here)[0], cycles) for here, cycles in (*own, (~curved, common.cycles))]
+    return [(rows, pairs.take(rows), cycles) for rows, cycles in parts]

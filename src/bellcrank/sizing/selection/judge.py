@@ -186,10 +186,10 @@ class Judgement:
         """Mass of motor and gear (m,), kg; NaN where unknown."""
         return self.pairs.of_motor("mass") + self.pairs.of_gear("mass")
 
-    def results(self, pair: int) -> tuple[CriterionResult, ...]:
-        """Every criterion and note of one pair, in words, those included that were not evaluated here."""
-        one = self.pairs.take(slice(pair, pair + 1))
-        return tuple(each.result(one, self.loads, self.conditions) for each in (*self.criteria, *NOTES))
+
+def in_words(pair: Pairs, loads: ReducedLoads, conditions: Conditions) -> tuple[CriterionResult, ...]:
+    """Every criterion and note of one pair."""
+    return tuple(each.result(pair, loads, conditions) for each in (*CRITERIA, *NOTES))
 
 
 def judge(pairs: Pairs, loads: ReducedLoads, conditions: Conditions, exact: bool = True) -> Judgement:
@@ -323,13 +323,12 @@ def mean_loss(pairs: Pairs, loads: ReducedLoads, conditions: Conditions) -> Arra
     whose mean is zero in a cycle, is left out.
     """
     losses = np.empty((len(loads.cycles), len(pairs)))
-    for rows, cycles in cycles_of(pairs, loads, replace(conditions, safety_factor=1.0)):
-        part = pairs if rows is None else pairs.take(rows)
+    for rows, part, cycles in cycles_of(pairs, loads, replace(conditions, safety_factor=1.0)):
         for number, cycle in enumerate(cycles):
             factors = electrical_coefficients(part, cycle)
             copper = loss_per_squared_torque(part.motors) * mean_square(factors, cycle)
             factors = factors.copy()
             factors[:, ACCELERATION] = 0.0
             power = part.of_gear("ratio") * mean_times_speed(factors, cycle)
-            losses[number, slice(None) if rows is None else rows] = copper + power - cycle.mean_output_power
+            losses[number, rows] = copper + power - cycle.mean_output_power
     return np.asarray(np.max(losses, axis=0))

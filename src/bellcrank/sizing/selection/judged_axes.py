@@ -148,10 +148,10 @@ class JudgedAxes:
             self._ranks.popitem(last=False)
         return found.of_all(len(wanted))
 
-    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None, exact: bool = True) -> Judgement:
+    def judgement(self, axis: int, masses: Masses, rows: Indices | None = None) -> Judgement:
         """The judgement of an axis's pairs, or of some rows of them, where the actuators are of these classes."""
         pairs = self.axes[axis].pairs if rows is None else self.axes[axis].pairs.take(rows)
-        found = judge(pairs, self.axis_loads(axis, masses), self.conditions[axis], exact)
+        found = judge(pairs, self.axis_loads(axis, masses), self.conditions[axis])
         self.effort += len(pairs) + PAIRS_OF_A_JUDGEMENT
         if self.progress is not None:
             self.progress(self.effort)

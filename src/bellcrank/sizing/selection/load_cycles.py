@@ -14,8 +14,8 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.loads.maxima import maxima
 from bellcrank.sizing.loads.motion_grid import coarse_grid_along, reversal_times, with_probes
+from bellcrank.sizing.loads.series_maxima import maxima, on_grid
 from bellcrank.sizing.selection.mounted_bodies import States
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def motion_part(mechanism: Mechanism, motion: Motion, torque: Torque, shafts: Sh
 
     grid = coarse_grid_along(motion, force_breaks(mechanism), squared, torque)
     grid = with_probes(motion, grid, reversal_times(motion, coulomb_widths(mechanism)))
-    _, peaks = maxima(motion, grid, largest)
+    peaks = maxima(motion, grid, on_grid(motion, grid, largest), largest)
     grid = with_probes(motion, grid, np.concatenate([peak.time for peak in peaks.values()]))
     states = States(grid.force_time, grid.position, grid.velocity, grid.acceleration)
     return CyclePart(motion.duration, states, grid.time - motion.time[0], grid.weight, grid.part)

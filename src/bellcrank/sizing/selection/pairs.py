@@ -136,6 +136,13 @@ class Pairs:
         return PowerTrains(self.motors, self.gears).electrical_coefficients
 
     @classmethod
+    def of(cls, *rows: tuple[Motor, Gear]) -> Pairs:
+        """Given pairs, which fit."""
+        numbers, fits = np.arange(len(rows)), np.ones(len(rows), dtype=bool)
+        products = Products.of([motor for motor, _ in rows], [gear for _, gear in rows])
+        return cls(products=products, motor=numbers, gear=numbers, fits=fits)
+
+    @classmethod
     def possible(
         cls, motors: Sequence[Motor], gears: Sequence[Gear], kind: Literal["rotary", "linear"] = "rotary"
     ) -> Pairs:

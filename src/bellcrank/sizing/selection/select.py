@@ -17,14 +17,14 @@ from bellcrank.actuators.gear import DIRECT
 from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.motion.duty_program import checked_duty
+from bellcrank.motion.duty_program import DutyStep, checked_duty
 from bellcrank.notes import reached
 from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_of
 from bellcrank.sizing.loads.massless_motors import refuse_massless
 from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
-from bellcrank.sizing.selection.axis_loads_of import axis_loads
+from bellcrank.sizing.selection.axis_loads_of import AxisModel, axis_model
 from bellcrank.sizing.selection.axis_pairs import AxisPairs, axis_pairs, check_prices
 from bellcrank.sizing.selection.choose import choose, selection_of
 from bellcrank.sizing.selection.joint_problem import Choice
@@ -157,7 +157,8 @@ class PreparedSelection:
         subject: The robot and its motions.
         products: What is chosen from, without assumed values.
         kept: Given pairs by axis.
-        cycle_and_axes: The duty program, transmissions and mounts.
+        model: The axes and the model of their loads.
+        duty: The duty program.
         problem: The pairs, judged.
         warnings: What to know about the subject and what is assumed.
     """
@@ -165,7 +166,8 @@ class PreparedSelection:
     subject: SizingSubject
     products: Catalogue
     kept: Mapping[str, str]
-    cycle_and_axes: tuple[Any, Any, Any]
+    model: AxisModel
+    duty: tuple[DutyStep, ...] | None
     problem: JudgedAxes
     warnings: tuple[str, ...]
 
@@ -181,19 +183,16 @@ class PreparedSelection:
             drives = _chosen_drives(problem, chosen.choice)
             added = problem.added_masses(problem.choice_masses(chosen.choice))
             known = set(drives) <= set(self.kept) and not added
-            loads = problem.loads if known else axis_loads(
-                subject.mechanism, subject.motions, *self.cycle_and_axes, drives, added=added
-            )  # fmt: skip
-            final = problem if known else replace(problem, loads=loads)
+            final = problem
+            if not known:
+                final = replace(problem, loads=self.model.along(subject.motions, self.duty, drives, added=added))
             selection = selection_of(problem, final, chosen, candidates, effort)
         undetermined = undetermined_peaks(subject.mechanism, subject.motions, {})
         return replace(
             selection,
             robot=subject.mechanism.robot.name if subject.config is None else subject.config.name,
             feedback=problem.feedback,
-            inputs=SelectionInputs(
-                subject.mechanism, tuple(subject.motions), subject.config, self.products, self.cycle_and_axes[0]
-            ),
+            inputs=SelectionInputs(subject.mechanism, tuple(subject.motions), subject.config, self.products, self.duty),
             warnings=tuple(dict.fromkeys([*self.warnings, *selection.warnings])),
             undetermined=(*undetermined, *reached(subject.file_notes)),
         )
@@ -227,9 +226,10 @@ def prepare_selection(
     products = _products(own if catalogue is None else catalogue, makers, exclude)
     refuse_massless("selection", subject.mechanism, subject.motions, allow_massless)
     kept = _kept(keep)
-    cycle_and_axes = _cycle_and_axes(subject, duty, transmissions, mounts)
+    model = _model(subject, transmissions, mounts)
+    program = checked_duty(subject.duty if duty is None else duty)
     drives = _kept_drives(kept, products, lambda axis: conditions_of(subject.config, axis, given))
-    loads = axis_loads(subject.mechanism, subject.motions, *cycle_and_axes, drives)
+    loads = model.along(subject.motions, program, drives)
     common = conditions_of(subject.config, None, given)
     of_axes = [conditions_of(subject.config, axis.name, given) for axis in loads.axes]
     check_momentary_loads(common, [axis.name for axis in loads.axes])
@@ -245,7 +245,8 @@ def prepare_selection(
         subject=subject,
         products=products,
         kept=kept,
-        cycle_and_axes=cycle_and_axes,
+        model=model,
+        duty=program,
         problem=JudgedAxes(loads, pairs, of_axes, common, objective, feedback),
         warnings=tuple(warnings),
     )
@@ -282,27 +283,16 @@ def _kept(given: Mapping[str, str] | None) -> dict[str, str]:
     return kept
 
 
-def _cycle_and_axes(
+def _model(
     subject: SizingSubject,
-    duty: Sequence[Any] | None,
     transmissions: Iterable[CoupledTransmission] | None,
     mounts: Mapping[str, Mount] | None,
-) -> tuple[Any, Any, Any]:
-    """Duty program, transmissions and mounts, those of the configuration where none are given. Raises InputError."""
-    if transmissions is not None:
-        transmissions = arguments.several(
-            "transmissions", transmissions, CoupledTransmission, "CoupledTransmissions", alone=True
-        )
-    if mounts is not None:
-        mounts = arguments.mapping("mounts", mounts, "a mapping of names of axes to Mounts")
-        for name, mount in mounts.items():
-            arguments.instance(f'mounts["{name:.80}"]', mount, Mount, "a Mount")
-    config = subject.config
-    if config is not None:
-        duty = subject.duty if duty is None else duty
-        transmissions = config.transmissions if transmissions is None else transmissions
-        mounts = config.mounts if mounts is None else mounts
-    return checked_duty(duty), tuple(transmissions or ()), mounts
+) -> AxisModel:
+    """The axes, with the transmissions and mounts of the configuration where none are given. Raises InputError."""
+    if subject.config is not None:
+        transmissions = subject.config.transmissions if transmissions is None else transmissions
+        mounts = subject.config.mounts if mounts is None else mounts
+    return axis_model(subject.mechanism, subject.motions, transmissions, mounts)
 
 
 def _kept_drives(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable
@@ -15,9 +14,7 @@ from bellcrank.actuators.catalogue.product_fields import product_data
 from bellcrank.actuators.conditions import BY_NAME, Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.errors import InputError
 from bellcrank.files import atomic_write, csv_files, json_files
-from bellcrank.files.access import read_text
 
 if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
@@ -55,16 +52,8 @@ def write_results(selection: Selection, folder: str | Path) -> list[Path]:
 
 
 def earlier_files(folder: str | Path) -> list[str]:
-    """Names of the files that the selection.json of a folder lists; none where there is no such file.
-
-    Only names that a selection writes are returned, so that no other file can be removed.
-    """
-    try:
-        document = json.loads(read_text(Path(folder) / "selection.json"))
-    except (InputError, ValueError, RecursionError):
-        return []
-    listed = document.get("files") if isinstance(document, dict) else None
-    return [name for name in listed if isinstance(name, str) and _OURS.match(name)] if isinstance(listed, list) else []
+    """Names of the files that the selection.json of a folder lists; none where there is no such file."""
+    return json_files.listed_files(Path(folder) / "selection.json", _OURS)
 
 
 def csv_text(selection: Selection) -> str:

@@ -39,7 +39,7 @@ def judge_system(
     Returns:
         Supply power and regenerated energy, each of the worst cycle, and whether one bus suits all motors.
     """
-    own = [cycles_of(pair, load, conditions)[0][1] for pair, load in zip(pairs, loads, strict=True)]
+    own = [cycles_of(pair, load, conditions)[0][2] for pair, load in zip(pairs, loads, strict=True)]
     cycles = list(zip(*own, strict=True))
     supply = [_supply(pairs, axes, conditions) for axes in cycles]
     energy = [_regeneration(pairs, axes, conditions) for axes in cycles]

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING
 
 from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
 from bellcrank.actuators.conditions import Conditions, entries
 from bellcrank.sizing.selection.judged_axes import MAIN
-from bellcrank.sizing.tables import not_known
-from bellcrank.sizing.text_tables import TableContent, html_table, text_table
+from bellcrank.sizing.text_tables import (
+    WIDTH,
+    TableContent,
+    counted,
+    exceeded_limits,
+    html_table,
+    listed,
+    not_verified,
+    text_table,
+    undetermined_lines,
+    unknown_limits,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
@@ -20,7 +31,6 @@ if TYPE_CHECKING:
 UNKNOWN = "unknown"
 NOTHING = "nothing fits"
 NOT_CHECKED = "fit not checked"
-WIDTH = 100  # characters of a line of the terminal
 CLASSES = {"all criteria shown": "all met", "passes what is known": "some unknown", "fails": "fails"}
 LITTLE_RESERVE = 0.95  # use from which a verdict says so: loads and data sheets are rarely known to 5 %
 OF_WIDTH = 16  # characters of the name of a criterion, where the table is too wide
@@ -29,7 +39,7 @@ AIMS = {"mass": "least mass", "cost": "least cost", "loss": "least loss", "margi
 
 def table(selection: Selection, top: int = 3) -> str:
     """The selection as text: the chosen pairs, for each axis the next best, and the criteria of the whole robot."""
-    parts = [_heading(selection), _chosen_table(selection), _totals(selection)]
+    parts = [wrapped(_about(selection)) + "\n", _chosen_table(selection), _totals(selection)]
     for one in selection.axes:
         parts += ["", *_axis_lines(one, top)]
     if selection.system:
@@ -55,33 +65,18 @@ def selection_html(selection: Selection) -> str:
 
 def verdict(selection: Selection) -> str:
     """Which axes have no pair, which limits are exceeded, or that all are kept, and what is unknown."""
-    lines = []
-    for title, texts in (("NOTHING FITS", _without_pair(selection)), ("EXCEEDED", _exceeded(selection))):
-        if texts:
-            lines += [f"{title}: {len(texts)} {_plural(title, len(texts))}"]
-            lines += [wrapped(text, "  - ", "    ") for text in texts]
-    weak = maybe_too_weak(selection)
-    if weak:
-        motors = "1 motor" if len(weak) == 1 else f"{len(weak)} motors"
-        lines.append(f"Not verified: {motors} may be far too weak or too slow")
-        lines += [wrapped(text, "  - ", "    ") for text in weak]
+    nothing = _without_pair(selection)
+    lines = listed(f"NOTHING FITS: {counted(len(nothing), 'axis', 'axes')}", nothing)
+    lines += exceeded_limits(_exceeded(selection))
+    lines += not_verified(maybe_too_weak(selection))
     lines += undetermined_lines(selection.undetermined)
     if selection.inside:
         lines.append(wrapped(_kept(selection)))
     unchecked = [one.axis.name for one in selection.axes if one.chosen is not None and one.chosen.fit == NOT_CHECKED]
     if unchecked:
         lines.append(wrapped(f"Not checked: whether motor and gear fit together, of {', '.join(unchecked)}"))
-    unknown = unknown_criteria(selection)
-    if unknown:
-        lines.append("Unknown, because what they need is not stated:")
-        lines += [wrapped(f"{where}: {', '.join(names)}", "  - ", "    ") for where, names in unknown]
+    lines += unknown_limits([f"{where}: {', '.join(names)}" for where, names in unknown_criteria(selection)])
     return "\n".join(lines)
-
-
-def undetermined_lines(texts: Sequence[str]) -> list[str]:
-    """What is not known, by its reason; nothing where all is."""
-    found = not_known(texts)
-    return [line for title, each in found for line in (title, *(wrapped(text, "  - ", "    ") for text in each))]
 
 
 def unknown_criteria(selection: Selection) -> list[tuple[str, list[str]]]:
@@ -187,14 +182,6 @@ def maybe_too_weak(selection: Selection) -> list[str]:
     return found
 
 
-def wrapped(text: str, first: str = "", then: str | None = None) -> str:
-    """A text in lines that fit a terminal, the first and the others indented."""
-    then = first if then is None else then
-    return textwrap.fill(
-        text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False, break_on_hyphens=False
-    )
-
-
 def _chosen_table(selection: Selection) -> str:
     """The chosen pairs; where a line would be too long, the gear is below the motor and names are in two lines."""
     content = chosen_rows(selection)
@@ -261,10 +248,6 @@ def _sentence(one: Candidate) -> str:
     return next((each.text for each in one.criteria if each.name == one.binding), "what it needs is not stated")
 
 
-def _heading(selection: Selection) -> str:
-    return wrapped(_about(selection)) + "\n"
-
-
 def _about(selection: Selection) -> str:
     of_axes = {one.axis.name: one.conditions for one in selection.axes}
     conditions = "; ".join(f"{name} {value}" for name, value in selected_for(selection.conditions, of_axes))
@@ -283,8 +266,7 @@ def _totals(selection: Selection) -> str:
 
 
 def _passes(selection: Selection) -> str:
-    count = len(selection.iterations)
-    return f"{count} pass{'' if count == 1 else 'es'} of the feedback of masses"
+    return f"{counted(len(selection.iterations), 'pass', 'passes')} of the feedback of masses"
 
 
 def _without_pair(selection: Selection) -> list[str]:
@@ -304,11 +286,6 @@ def _exceeded(selection: Selection) -> list[str]:
         return found
     return [*found, *(("limits in simulation: not known",) if selection.verification is None else
                       (f"in simulation: {text}" for text in selection.verification.exceeded))]  # fmt: skip
-
-
-def _plural(title: str, count: int) -> str:
-    one, many = ("axis", "axes") if title == "NOTHING FITS" else ("limit", "limits")
-    return one if count == 1 else many
 
 
 def _kept(selection: Selection) -> str:

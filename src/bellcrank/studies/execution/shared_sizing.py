@@ -30,8 +30,9 @@ from bellcrank.sizing.holding_gravity import HoldingSearch
 from bellcrank.sizing.loads.design_peaks import DesignMotion
 from bellcrank.sizing.loads.joint_loads import JointLoads
 from bellcrank.sizing.loads.massless_motors import massless_motors
-from bellcrank.sizing.loads.maxima import maxima
 from bellcrank.sizing.loads.motion_grid import grid_along
+from bellcrank.sizing.loads.series_maxima import maxima, on_grid
+from bellcrank.sizing.sensitivities import independent_joints
 from bellcrank.sizing.sizing_subject import sizing_subject
 from bellcrank.studies.designs.sizing_changes import Change
 
@@ -108,7 +109,8 @@ class SharedSizing(Portable):
         found = []
         for motion in self.motions:
             grid = grid_along(motion)
-            values, largest = maxima(motion, grid, quantities)
+            values = on_grid(motion, grid, quantities)
+            largest = maxima(motion, grid, values, quantities)
             mean = np.einsum("n,nk->k", grid.weight, values["peak"]) / motion.duration
             found.append({name: each.value for name, each in largest.items()} | {"mean": mean})
         return found
@@ -118,11 +120,7 @@ class SharedSizing(Portable):
     @cached_property
     def independent(self) -> tuple[RobotJoint, ...]:
         """Of a closed linkage the joints that determine the others, motors first."""
-        if not isinstance(self.mechanism, Linkage):
-            return ()
-        candidates = [joint for joint in self.mechanism.robot.joints if joint.nv == 1]
-        candidates.sort(key=lambda joint: joint not in self.mechanism.motors)
-        return self.mechanism.kinematics.independent(candidates, self.motions[0].name)
+        return independent_joints(self.mechanism, self.motions[0].name)
 
     @cached_property
     def torques(self) -> MotorTorques:

@@ -200,7 +200,9 @@ class SizingRunner(Portable):
 
     def design(self, numbers: Sequence[float]) -> Sizing:
         """The sizing of one design by `bellcrank.size`. Raises BellcrankError where it cannot be built or sized."""
-        return self._sized(*self._changed(numbers))
+        sizing = self._sized(*self._changed(numbers))
+        _ = sizing.judging.verdicts  # that of `base` is not asked for
+        return sizing
 
     def inputs(self, numbers: Sequence[float]) -> SizingInputs:
         """The mechanism, motions and actuators of one design. Raises BellcrankError where it cannot be built."""

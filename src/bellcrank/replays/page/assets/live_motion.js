@@ -1,4 +1,4 @@
-// ---- sums and largest values along a motion, whatever the quantities are, as sizing/loads/motion_grid.py and sizing/loads/maxima.py
+// ---- sums (as sizing/loads/motion_grid.py) and largest values along a motion, whatever the quantities are
 
 const PARTS = 300;  // of a whole motion, at least
 const NODES = [0.5 - Math.sqrt(0.15), 0.5, 0.5 + Math.sqrt(0.15)];  // of Gauss and Legendre's rule
