@@ -402,7 +402,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
         **of(linear.modes[0], to_dict={}),
         "root_loci": (bc.root_loci, {
-            "scene": pendulum, "path": "initial.swing", "values": [0.1], "at": "equilibrium",
+            "scene": pendulum, "parameter": "initial.swing", "values": [0.1], "at": "equilibrium",
             "progress": lambda done, of: None}),
         **of(loci, plot={"path": "loci.png"}, to_csv={"path": "loci.csv"}, to_dict={}),
         "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0}),

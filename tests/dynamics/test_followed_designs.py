@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
+from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.motion.motion import Motion
 
 
-def crank_turn(linkage: bc.Linkage, angles: list[float]) -> Motion:
+def crank_turn(linkage: Linkage, angles: list[float]) -> Motion:
     """The crank's angles, rad, one a second."""
     robot, time = linkage.robot, np.arange(float(len(angles)))
     position, rest = np.zeros((len(angles), robot.nq)), np.zeros((len(angles), robot.nv))
@@ -15,12 +16,12 @@ def crank_turn(linkage: bc.Linkage, angles: list[float]) -> Motion:
     return Motion(robot.joints, time, position, rest, rest, "turn", ())
 
 
-def with_crank(length: float) -> bc.Linkage:
+def with_crank(length: float) -> Linkage:
     overrides = {
         "initial.crank": "40 deg", "initial.coupler": {"guess": "300 deg"}, "initial.rocker": {"guess": "60 deg"},
         "parameters.crank_length": length,
     }  # fmt: skip
-    return bc.Linkage(bc.load_scene("four_bar", overrides))
+    return Linkage(bc.load_scene("four_bar", overrides))
 
 
 def test_each_design_moves_as_it_does_alone() -> None:

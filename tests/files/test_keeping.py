@@ -85,7 +85,7 @@ def stopped_by_its_caller(scene, folder, blocks=3, **settings):
     class FailureError(Exception):
         pass
 
-    def fail(_):
+    def fail(*_):
         if (folder / f"run.blocks/{blocks:04d}.npz").exists():
             raise FailureError
 
@@ -111,7 +111,7 @@ def test_blocks_are_the_rows_of_the_whole_run_to_the_bit_up_to_their_end(tmp_pat
     assert part.status == "interrupted" and 0.0 < part.time[-1] < LASTS["duration"]
     assert any("ended before" in warning for warning in part.warnings)
 
-    def stop(time):
+    def stop(time, _):
         if time > part.time[-1]:
             raise KeyboardInterrupt
 
@@ -146,7 +146,7 @@ def test_a_run_that_ends_leaves_its_file_and_no_blocks_and_the_numbers_are_the_s
 def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(tmp_path, monkeypatch, capsys):
     first = bc.load_run(stopped_by_its_caller("pendulum", tmp_path, blocks=1, **LASTS))
     with pytest.raises(InputError, match=f"another simulation is writing there .process {os.getpid()}."):
-        bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)  # this process runs
+        bc.simulate("pendulum", checkpoint=tmp_path / "run.npz", duration=0.1)  # this process runs
     monkeypatch.setattr(checkpoints, "is_running", lambda mark: False)
     assert main(["simulate", "pendulum", "--no-plots", "--out", str(tmp_path)]) == 0
     assert f"its partial results are now in {tmp_path / 'run.blocks.1'}" in capsys.readouterr().out
@@ -157,7 +157,7 @@ def test_blocks_of_an_unfinished_run_are_renamed_by_the_next_and_stay_readable(t
     assert "give one path" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "run.blocks"), "--out", str(tmp_path / "r.html")]) == 1
     assert "interrupted" in capsys.readouterr().out
-    bc.simulate("pendulum", keep=tmp_path / "run.npz", duration=0.1)
+    bc.simulate("pendulum", checkpoint=tmp_path / "run.npz", duration=0.1)
     assert {path.name for path in tmp_path.iterdir()} >= {"run.npz", "run.blocks.1", "run.blocks.2"}
     scene = bc.load_scene("pendulum").with_overrides({"initial": {"run": str(tmp_path / "run.blocks.1")}})
     assert consistent_start(scene)[0] == pytest.approx(first.position[-1], abs=1e-15)
@@ -175,10 +175,10 @@ def test_blocks_that_are_no_blocks_are_refused_in_one_sentence(tmp_path):
         bc.load_run(tmp_path)
     (tmp_path / "mine.blocks").mkdir()
     with pytest.raises(InputError, match="found something else"):
-        bc.simulate("pendulum", duration=0.1, keep=tmp_path / "mine.npz")
+        bc.simulate("pendulum", duration=0.1, checkpoint=tmp_path / "mine.npz")
     for every in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match=r"checkpoint_every.*more than 0"):
-            bc.simulate("pendulum", duration=0.1, keep=tmp_path / "x.npz", checkpoint_every=every)
+            bc.simulate("pendulum", duration=0.1, checkpoint=tmp_path / "x.npz", checkpoint_every=every)
 
 
 @pytest.mark.parametrize("name", ["about.npz", "0001.npz", "0002.npz"])
@@ -256,13 +256,15 @@ def test_a_disk_that_is_full_at_the_end_leaves_all_rows_in_blocks(tmp_path, monk
     monkeypatch.setattr(checkpoints, "save_run", full)
     scene = bc.load_scene("pendulum").with_overrides(PASSES)
     with pytest.raises(NotSavedError, match=r"all of it is kept in .*run\.blocks") as found:
-        bc.simulate(scene, duration=30.0, max_step=1e-4, samples=5001, keep=tmp_path / "run.npz", checkpoint_every=0.01)
+        bc.simulate(
+            scene, duration=30.0, max_step=1e-4, samples=5001, checkpoint=tmp_path / "run.npz", checkpoint_every=0.01
+        )
     run, kept = found.value.run, bc.load_run(tmp_path / "run.blocks")
     assert run.status == kept.status == "finished" and run.statistics == kept.statistics
     assert np.array_equal(run.time, kept.time) and np.array_equal(run.state, kept.state)
     assert np.array_equal(run.steps, kept.steps) and [e.time for e in run.events] == [e.time for e in kept.events]
     with pytest.raises(NotSavedError, match="nothing of the run is kept"):
-        bc.simulate(scene, duration=0.1, keep=tmp_path / "other.npz")
+        bc.simulate(scene, duration=0.1, checkpoint=tmp_path / "other.npz")
     assert not left(tmp_path)
 
 
@@ -298,7 +300,7 @@ def test_whoever_stops_a_run_waits_for_no_picture_and_no_long_table(tmp_path, mo
     def stopping(_):
         asked = []
 
-        def stop(_):
+        def stop(*_):
             if not asked:
                 asked.append(1)
                 raise KeyboardInterrupt
@@ -480,7 +482,7 @@ def test_ignored_signals_stay_ignored_and_import_handles_none(handlers):
 def test_runs_that_nobody_asks_for_their_status_are_not_taken_for_whole_ones(handlers):
     scene, again = bc.load_scene("pendulum"), []
 
-    def stop(_):
+    def stop(*_):
         again.append(0)
         raise KeyboardInterrupt
 

@@ -67,7 +67,9 @@ def test_a_csv_written_in_blocks_has_every_byte_of_one_written_whole(scene, tmp_
     monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
     again, heard = bc.simulate(scene, **CLOSED), []
     assert len(list(again.parts())) == 3 and sum(map(len, again.parts())) == len(run) > 2 * ROWS
-    assert again.to_csv(tmp_path / "run.csv", heard.append).read_bytes() == text.getvalue().encode()
+    assert (
+        again.to_csv(tmp_path / "run.csv", lambda done, _: heard.append(done)).read_bytes() == text.getvalue().encode()
+    )
     assert heard == [1024, 2048, len(run)]
 
 

@@ -249,7 +249,7 @@ def test_checkpoints_of_a_sampled_loop_open_as_a_run(tmp_path):
     scene = rotor(tmp_path, control=[servo])
     reached = []
 
-    def stop(t):
+    def stop(t, _):
         reached.append(t)
         if len(reached) > 3:
             raise RuntimeError("stopped")

@@ -175,7 +175,7 @@ def test_a_saved_run_keeps_its_switches(stiff_run, tmp_path):
 
 
 def test_checkpoints_hold_the_switches(tmp_path):
-    run = bc.simulate(stiff_scene(), solver="auto", keep=tmp_path / "run.npz", checkpoint_every=1e-9, **STIFF)
+    run = bc.simulate(stiff_scene(), solver="auto", checkpoint=tmp_path / "run.npz", checkpoint_every=1e-9, **STIFF)
     again = bc.load_run(tmp_path / "run.npz")
     assert again.statistics == run.statistics and (again.state == run.state).all()
 

@@ -134,7 +134,7 @@ def test_differences_reach_the_optimum_where_there_is_no_gradient() -> None:
 
 
 def test_ctrl_c_keeps_the_best_design_so_far() -> None:
-    def stop(done: int) -> None:
+    def stop(done: float, _: float | None) -> None:
         if done >= 20:
             raise KeyboardInterrupt
 

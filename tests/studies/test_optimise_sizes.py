@@ -111,7 +111,7 @@ def test_a_search_that_ends_early_says_how_much_better_the_rest_may_be(monkeypat
 
 
 def test_ctrl_c_keeps_the_best_size_and_says_that_the_gap_is_not_known() -> None:
-    def stop(done: int) -> None:
+    def stop(done: float, _: float | None) -> None:
         if done >= 20:
             raise KeyboardInterrupt
 

@@ -134,7 +134,7 @@ def test_the_answer_does_not_depend_on_threads() -> None:
 
 
 def test_ctrl_c_keeps_the_designs_that_were_found() -> None:
-    def stop(done: int) -> None:
+    def stop(done: float, _: float | None) -> None:
         if done >= 60:
             raise KeyboardInterrupt
 
