@@ -14,7 +14,6 @@ from fuzz_damage import Damage
 from fuzz_seeds import NUMBERS, WORDS
 
 import bellcrank as bc
-from tests.support.public_names import NAMES, public
 
 # By name of a parameter: a right value where it is required.
 RIGHT: dict[str, Callable[[], Any]] = {
@@ -26,7 +25,8 @@ RIGHT: dict[str, Callable[[], Any]] = {
     "q": lambda: [0.1, -0.5], "v": lambda: [0.3, 0.2], "a": lambda: [0.1, 0.4], "tau": lambda: [1.0, 0.5],
     "torque": lambda: [1.0, 0.5], "joint": lambda: "shoulder", "joints": lambda: ["shoulder", "elbow"],
     "name": lambda: "shoulder", "values": lambda: [0.1, 0.2], "period": lambda: 1.0, "time": lambda: 0.05,
-    "path_or_name": lambda: "planar_2r", "mass": lambda: 1.0, "measure": lambda: "energy.total", "path": lambda: "made",
+    "parameter": lambda: "initial.swing", "path_or_name": lambda: "planar_2r",
+    "mass": lambda: 1.0, "measure": lambda: "energy.total", "path": lambda: "made",
     "folder": lambda: "made", "motors": lambda: [], "gears": lambda: [], "overrides": lambda: {"simulate.samples": 3},
     "of": lambda: ["shoulder"], "seconds": lambda: 0.1, "ratio": lambda: 50.0, "id": lambda: "one", "axis": lambda: "z",
     "maker": lambda: "Acme", "model": lambda: "M1", "kind": lambda: "motor",
@@ -81,15 +81,19 @@ OBJECTS: dict[str, Callable[[], Any]] = {
 }  # fmt: skip
 
 
+def _public(name: str) -> Any:
+    return getattr(bc.results if name in bc.results.__all__ else bc, name)
+
+
 @functools.cache
 def names() -> tuple[str, ...]:
     """All public functions and classes, and methods of the objects above, as "NAME" or "CLASS.METHOD"."""
     found = [
-        name for name in NAMES
-        if name in MADE or (inspect.isfunction(public(name)) and name not in LEFT_OUT)
+        name for name in (*bc.__all__, *bc.results.__all__)
+        if name in MADE or (inspect.isfunction(_public(name)) and name not in LEFT_OUT)
     ]  # fmt: skip
     for name in OBJECTS:
-        kind = public(name)
+        kind = _public(name)
         found += [
             f"{name}.{method}"
             for method in sorted(vars(kind).keys() | {m for base in kind.__mro__[1:-1] for m in vars(base)})
@@ -100,7 +104,7 @@ def names() -> tuple[str, ...]:
 
 def _target(name: str) -> Callable[..., Any]:
     if "." not in name:
-        found: Callable[..., Any] = public(name)
+        found: Callable[..., Any] = _public(name)
         return found
     kind, method = name.split(".")
     found = getattr(OBJECTS[kind](), method)
@@ -130,7 +134,11 @@ def call(seed: int) -> None:
 def _hostile(rng: random.Random, key: str) -> Any:
     """A value that is wrong, or right by chance; writes stay within the folder."""
     found = rng.choice([rng.choice(NUMBERS), rng.choice(WORDS), rng.choice(THINGS), Damage(rng).value()])
-    if key in ("path", "folder", "out") and isinstance(found, str) and (found.startswith("/") or ".." in found):
+    if (
+        key in ("path", "folder", "out", "checkpoint")
+        and isinstance(found, str)
+        and (found.startswith("/") or ".." in found)
+    ):
         return "made"
     return found
 
