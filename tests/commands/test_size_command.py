@@ -228,10 +228,9 @@ def test_a_sizing_json_that_lists_nothing_is_passed_over(tmp_path: Path, text: s
 
 @pytest.mark.tier2
 def test_pictures_with_a_mass_tolerance_are_said_to_be_nominal_and_hold_all_their_text(tmp_path: Path) -> None:
-    config = bc.load_scene("geared_pendulum").config
     seen = []
     for tolerance in (0.0, 0.1):
-        figures = sizing_figures(size(config, mass_tolerance=tolerance))
+        figures = sizing_figures(size("geared_pendulum", mass_tolerance=tolerance))
         assert set(figures) == {"over_time_lift_and_return.png", "torque_speed.png", "motor_torque_speed.png"}
         for figure in figures.values():
             figure.canvas.draw()
@@ -291,9 +290,8 @@ def test_set_of_size_speaks_as_simulate_does(capsys: pytest.CaptureFixture[str])
 
 
 def test_overrides_of_size_need_a_file() -> None:
-    config = bc.load_scene("geared_pendulum").config
-    for robot in (config, config.robot()):
-        with pytest.raises(InputError, match="argument 'overrides': it changes values of a scene"):
-            size(robot, overrides={"name": "other"})
+    robot = bc.load_scene("geared_pendulum").robot
+    with pytest.raises(InputError, match="argument 'overrides': it changes values of a scene"):
+        size(robot, overrides={"name": "other"})
     with pytest.raises(InputError, match="overrides"):
         size("geared_pendulum", overrides=3)  # type: ignore[arg-type]

@@ -48,13 +48,13 @@ def test_a_motion_that_motors_bear_is_repeated_as_it_is() -> None:
 
 @pytest.mark.tier2
 def test_motors_that_cannot_hold_the_last_posture_bear_no_cycle() -> None:
-    config = bc.load_scene("geared_pendulum").config
-    weak = {"shoulder": dataclasses.replace(config.actuators["shoulder"], rated_torque=0.01)}
-    motion = bc.waypoints(config.robot(), [0.0, 0.5], [{}, {"shoulder": 1.5}])
+    scene = bc.load_scene("geared_pendulum")
+    weak = {"shoulder": dataclasses.replace(scene.actuators["shoulder"], rated_torque=0.01)}
+    motion = bc.waypoints(scene.robot, [0.0, 0.5], [{}, {"shoulder": 1.5}])
     with pytest.raises(bc.BellcrankError, match="no pause is long enough"):
-        bc.repeated_cycle(config, motion, actuators=weak)
+        bc.repeated_cycle(scene, motion, actuators=weak)
     with pytest.raises(bc.BellcrankError, match="no speed is low enough"):
-        bc.repeated_cycle(config, motion, actuators=weak, by="speed")
+        bc.repeated_cycle(scene, motion, actuators=weak, by="speed")
 
 
 def test_a_pause_for_one_motor_that_overloads_another_is_refused() -> None:

@@ -60,11 +60,10 @@ def sizing(config_file: Path) -> Sizing:
 
 @pytest.mark.tier2
 def test_a_configuration_sizes_as_its_robot_and_motions_do(config_file: Path, sizing: Sizing) -> None:
-    config = bc.load_scene(config_file).config
-    robot = config.robot()
-    by_hand = bc.size(robot, [config.motion(robot, name) for name in config.motions], config.actuators)
+    scene = bc.load_scene(config_file)
+    by_hand = bc.size(scene.robot, [scene.motion(name) for name in scene.motions], scene.actuators)
     assert sizing.joints == by_hand.joints and sizing.motions == ("reach", "hold") and sizing.robot == "Slider"
-    for same in (config, str(config_file), bc.load_scene(config_file)):
+    for same in (scene, str(config_file)):
         assert bc.size(same) == sizing
     weightless = bc.size(bc.load_scene(config_file).with_overrides({"gravity": [0, 0, 0]}), "hold")
     assert weightless.gravity == (0.0, 0.0, 0.0) and weightless.joint("turn").peak_torque == pytest.approx(
