@@ -20,13 +20,12 @@ from pathlib import Path
 from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.numerics import LARGEST as LARGEST  # of masses, inertias, forces and lengths
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, float | None], object]  # (what is done, of how much; None where that is unknown)
 PROGRESS = "a function of how much is done, and of how much"
 T = TypeVar("T")

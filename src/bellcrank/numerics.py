@@ -11,11 +11,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 
-Array = NDArray[np.float64]
 LARGEST, SMALLEST = 1e100, 1e-100  # squares of entries between them, and their sums, are finite
 
 

@@ -18,7 +18,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator_checks import check_ratings
@@ -30,10 +29,10 @@ from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.actuators.short_time_region import ShortTimeRegion
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import InputError
 
-Array = NDArray[np.float64]
 ENDLESS = 1e9  # rad/s: a rated torque has no end
 FASTEST = 1500.0  # rad/s: few motors turn faster, while many speeds in rpm are larger numbers
 SLOWEST = 2.0, 20.0  # rad/s², without and behind a gear: motors reach 1e3 to 1e5, drives with a built-in gear 6

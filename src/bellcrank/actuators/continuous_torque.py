@@ -29,7 +29,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.electrical import friction_loss, friction_torque, loss_per_squared_torque
 from bellcrank.actuators.motor import UNSTATED_REFERENCE, Motor
-from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.actuators.product_arrays import MotorArrays
+from bellcrank.arrays import Array
 from bellcrank.numerics import floats
 
 SOURCES = ("unknown", "printed curve", "thermal limit", "nominal torque")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from bellcrank.arrays import Array
+
 COPPER = 0.0039  # 1/K, rise of the resistance per kelvin, related to that at
 REFERENCE = 25.0  # °C, at which catalogues state resistances
 

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     from bellcrank.config.fields import Fields
 
-Array = NDArray[np.float64]
 _WHERE = "a coupled transmission"
 LARGEST_CONDITION = 1e6  # of the matrix with rows and columns of length 1
 

@@ -14,7 +14,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import COPPER as COPPER
 from bellcrank.actuators.copper import REFERENCE as REFERENCE
 from bellcrank.actuators.copper import resistance_factor as resistance_factor
-from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.actuators.product_arrays import MotorArrays
+from bellcrank.arrays import Array
 from bellcrank.numerics import floats
 
 

@@ -12,8 +12,9 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import SOURCES, continuous_torque
 from bellcrank.actuators.electrical import friction_torque
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.short_time_limits import peak_curves, short_time_limits, voltage_limit_source
+from bellcrank.arrays import Array
 from bellcrank.config.units import RPM
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name

@@ -20,17 +20,17 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators import electrical
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_arrays import Array, GearArrays, MotorArrays
+from bellcrank.actuators.product_arrays import GearArrays, MotorArrays
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.numerics import floats
 
 
-def motoring(load: Array, velocity: Array) -> NDArray[np.bool_]:
+def motoring(load: Array, velocity: Array) -> Mask:
     """Whether a load takes power, as the one that a joint at rest holds does: load · velocity >= 0.
 
     The velocity is 0 where the joint rests for a finite time; at another zero it has the sign of one of its sides, as
@@ -110,12 +110,12 @@ class PowerTrains:
         return *through, self.shaft_inertia * gears.ratio
 
     @cached_property
-    def _curved(self) -> NDArray[np.bool_] | None:
+    def _curved(self) -> Mask | None:
         """Which gears have a curve of efficiency; None: no one has."""
         known = self.gears.efficiency_curve.known
         return known if known.any() else None
 
-    def _curve_loss(self, size: Array, drives: NDArray[np.bool_]) -> Array:
+    def _curve_loss(self, size: Array, drives: Mask) -> Array:
         """Loss torque at the output, N m, of the curves of efficiency over load at torques of a size."""
         gears = self.gears
         first = gears.efficiency_curve.x[..., 0] * gears.rated_torque

@@ -20,14 +20,12 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue_row_checks import Points
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Array, Mask
 from bellcrank.numerics import floats
-
-Array = NDArray[np.float64]
 
 
 def column(rows: Sequence[object], name: str) -> Array:
@@ -63,7 +61,7 @@ class Curves:
         return type(self)(self.x[index], self.y[index])
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Mask:
         """Whether there is a curve (…)."""
         return np.isfinite(self.x[..., 0])
 
@@ -252,8 +250,8 @@ class GearArrays(_Indexed):
         price: In the row's currency.
     """
 
-    linear: NDArray[np.bool_]
-    direct: NDArray[np.bool_]
+    linear: Mask
+    direct: Mask
     ratio: Array
     efficiency: Array
     driven_efficiency: Array

@@ -17,7 +17,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import resistance_factor
 from bellcrank.actuators.electrical import usable_voltage
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.product_arrays import Array, Curves, MotorArrays
+from bellcrank.actuators.product_arrays import Curves, MotorArrays
+from bellcrank.arrays import Array
 from bellcrank.numerics import floats
 
 

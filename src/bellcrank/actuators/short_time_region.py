@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import electrical_torque, friction_torque
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curve_use, peak_curves, short_time_limits
+from bellcrank.arrays import Array
 
-Array = NDArray[np.float64]
 PEAK = "the peak torque or current"
 SPEEDS = 401  # of an outline, in each direction
 

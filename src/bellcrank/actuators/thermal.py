@@ -19,8 +19,9 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import COPPER, resistance_factor
-from bellcrank.actuators.product_arrays import Array, MotorArrays
+from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.thermal_interval import Kernel, Rates
+from bellcrank.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_interval import Kernel, extremum_times
 from bellcrank.actuators.thermal_path import CyclePath
+from bellcrank.arrays import Array, Mask
 
 CHUNK = 2**18  # motors times intervals at a time: about 50 MB of arrays
 
@@ -40,7 +39,7 @@ class PeriodicTemperatures:
     growth: Array
 
     @property
-    def runaway(self) -> NDArray[np.bool_]:
+    def runaway(self) -> Mask:
         """Whether the temperatures rise without end (m,); False where unknown."""
         return np.asarray(self.growth >= 0.0)
 
@@ -100,7 +99,7 @@ def _periodic(model: ThermalModel, heat: HeatCycle) -> PeriodicTemperatures:
     )
 
 
-def _known(model: ThermalModel, heat: HeatCycle) -> NDArray[np.bool_]:
+def _known(model: ThermalModel, heat: HeatCycle) -> Mask:
     """Whether all figures of a motor (m,) and its losses are known."""
     figures = sum(getattr(model, field.name) for field in fields(model))
     return np.asarray(~np.isnan(figures + heat.copper_loss.sum(axis=1) + heat.friction_loss.sum(axis=1)))
@@ -159,7 +158,7 @@ def _cycles_below(path: CyclePath, rise: Array) -> tuple[Array, Array]:
     Peaks grow from cycle to cycle, so the number is found bit by bit.
     """
 
-    def below(start: Array) -> NDArray[np.bool_]:
+    def below(start: Array) -> Mask:
         return np.asarray(path.highest(start)[0].max(axis=0) < rise)  # overflow is not below
 
     cycles, start = np.zeros_like(rise), np.zeros((2, len(rise)))

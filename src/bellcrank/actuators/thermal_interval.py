@@ -15,10 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.copper import COPPER
-from bellcrank.actuators.product_arrays import Array
+from bellcrank.arrays import Array, Indices
 
 TINY = 1e-250  # 1/s, stands for an eigenvalue of 0 in (e^{λ t} - 1)/λ
 
@@ -42,7 +41,7 @@ class Rates(NamedTuple):
     housing: Array
     factor: Array
 
-    def taken(self, interval: NDArray[np.intp], motor: NDArray[np.intp]) -> Rates:
+    def taken(self, interval: Indices, motor: Indices) -> Rates:
         """The systems of some intervals and motors, one each; the losses are (n, m)."""
         return Rates(
             self.copper[interval, motor], self.friction[interval, motor], *(entry[motor] for entry in self[2:])

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.actuators.product_arrays import Array
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_interval import Kernel, Rates, extremum_times
+from bellcrank.arrays import Array
 
 FEW = 256  # motors times blocks at once: below it a call of NumPy takes the time, not its arithmetic
 

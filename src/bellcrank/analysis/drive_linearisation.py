@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.analysis.independent_states import coordinate_names
 from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, Linearisation
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.drive_loops import (
     DriveEquations,
     drive_dynamics,
@@ -27,7 +27,6 @@ from bellcrank.simulation.trajectory.scene_notes import file_notes
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 STILL = 1e-9  # of the largest terms: rates below this are 0 at an equilibrium
 
 

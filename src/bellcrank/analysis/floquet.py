@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.analysis.independent_states import independent_states, state_names
@@ -22,6 +21,7 @@ from bellcrank.analysis.modal_analysis import Quotient, eigen
 from bellcrank.analysis.mode import pair
 from bellcrank.analysis.operating_point import operating_point, state_units
 from bellcrank.analysis.symmetries import symmetries_of
+from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.equations.tangent_space import adjoint
 from bellcrank.errors import InputError
@@ -32,8 +32,6 @@ from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory.scene_notes import file_notes
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 TOLERANCE = 1e-12  # of the run along which A is evaluated
 PERIODIC = 1e-6  # of the largest entries: how well velocities and equations must return
 FEWEST, MOST = 32, 1024  # intervals of a period

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from bellcrank.analysis.operating_point import OperatingPoint, state_units
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.kkt_solver import SINGULAR
 from bellcrank.robot.model.joints import lengths_in_velocity
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 PREFERRED = 0.1  # factor by which the columns of joints of one degree of freedom are less likely to be dependent
 
 

@@ -7,18 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.analysis.mode import Mode, pair
+from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.files.json_files import write_json
 from bellcrank.notes import Note
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
 MOST_NAMED = 6  # modes that grow; of more, their count is given
 

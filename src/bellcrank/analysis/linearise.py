@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.analysis.drive_linearisation import linearise_drives
@@ -17,6 +16,7 @@ from bellcrank.analysis.linearisation import EQUILIBRIUM, MOVING, STEADY_MOTION,
 from bellcrank.analysis.modal_analysis import Quotient, modes_of
 from bellcrank.analysis.operating_point import OperatingPoint, operating_point, relaxed_point, state_units, steady_point
 from bellcrank.analysis.symmetries import states_nearby, symmetries_of
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.linear_equations import equation_code
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.dynamics.postures.start_stages import motors_of
@@ -33,7 +33,6 @@ from bellcrank.simulation.trajectory.trajectory import Trajectory
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
-Array = NDArray[np.float64]
 Names = tuple[tuple[str, str], ...]
 AT = ("start", "equilibrium", "steady")
 SAME_TIME = 1e-9  # s

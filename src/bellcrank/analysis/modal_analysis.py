@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eig, matrix_balance, qr
 
 from bellcrank.analysis.mode import Mode, normalised, sort_key
+from bellcrank.arrays import Array, Complex
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 # times machine precision, the norm of A and an eigenvalue's condition number: a real or imaginary part below this is 0
 ROUNDING = 100.0
 DEPENDENT = 1e-9  # of the largest singular value: symmetries that do the same at the operating point

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Complex = NDArray[np.complex128]
+from bellcrank.arrays import Complex
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bellcrank.arrays import Array
 
 if TYPE_CHECKING:
     from bellcrank.analysis.linearisation import Linearisation
     from bellcrank.analysis.mode import Mode
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
 MOST = 0.1  # of the largest entry of a shape: a state with less is not named
 

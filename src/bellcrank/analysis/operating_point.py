@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.analysis.symmetries import Symmetries, SymmetryFields, project
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import velocity_units
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.equations.tangent_space import adjoint
@@ -25,7 +25,6 @@ from bellcrank.numerics import least_squares
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 STEADY = 1e-9  # of the terms of the equations: a smaller residual is that of a steady state
 CLOSED = 1e-7  # characteristic lengths or rad: constraints that are violated by more are not satisfied
 PASSES = 60

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bellcrank import arguments
@@ -16,6 +15,7 @@ from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.linearise import linearise
 from bellcrank.analysis.mode import pair
 from bellcrank.arguments import Progress
+from bellcrank.arrays import Array, Complex
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 MOST_VALUES = 10_000
 
 

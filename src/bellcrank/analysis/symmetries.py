@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import velocity_units
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.dynamics.equations.tangent_space import adjoint, cross
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 STATES = 3  # random states in which the conditions must hold
 ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one
 ZERO = 1e-9  # of a condition's own terms: less is rounding

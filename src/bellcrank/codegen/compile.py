@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._step import SampleCall, evaluate, evaluate_rows
+from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
@@ -29,7 +29,6 @@ from bellcrank.errors import CompileError, InputError
 if TYPE_CHECKING:
     import casadi
 
-Array = NDArray[np.float64]
 _SETTLED = 2.0  # s; a file changed later may change again without another time in a coarse file system
 BLOCK = 4096  # rows of a batch that quickly compiled code evaluates at once: some milliseconds
 _BATCH = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)

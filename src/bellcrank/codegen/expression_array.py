@@ -17,6 +17,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Mask
+
 if TYPE_CHECKING:
     import casadi
 
@@ -151,7 +153,7 @@ Element = tuple[Any, Any]
 Operation = Callable[..., Element]
 
 
-def _elementwise(operation: Operation, inputs: Sequence[Any]) -> ExpressionArray | NDArray[np.bool_]:
+def _elementwise(operation: Operation, inputs: Sequence[Any]) -> ExpressionArray | Mask:
     """The operation on each element; an array of booleans where it asks something whose answer is fixed."""
     arrays = [_expressions(each) for each in inputs]
     shape = np.broadcast_shapes(*(each.shape for each in arrays))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._codegen import ASSIGN, STORE, build, contract, operation_names
+from bellcrank.arrays import Array
 from bellcrank.codegen.tracer import extension
 from bellcrank.errors import CompileError
 
@@ -44,7 +45,7 @@ class Graph:
 
     op: NDArray[np.uint8]
     operands: NDArray[np.int32]
-    value: NDArray[np.float64]
+    value: Array
     outputs: tuple[tuple[int, NDArray[np.int32], NDArray[np.int32]], ...]
     input_sizes: tuple[int, ...]
     seldom: bool = False

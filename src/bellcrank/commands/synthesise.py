@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bellcrank.arrays import Array
 from bellcrank.commands.options import add_output_folder, whole_option
 from bellcrank.commands.output_files import output_path, write_each, written
 from bellcrank.errors import BellcrankError, InputError
@@ -18,10 +19,8 @@ from bellcrank.files.json_files import write_json
 from bellcrank.terminal.progress import share_bar
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    pass
 
-    Array = NDArray[np.float64]
 
 LINKAGES = ("four_bar", "slider_crank", "stephenson", "watt")
 NAMES = ("points.csv", "synthesis.json", "synthesis.png", "linkage.yaml", "linkage.urdf")

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint, ReadContext
 from bellcrank.elements.expression import parse_expression
@@ -34,7 +34,6 @@ from bellcrank.robot.formats.xml_tree import read_text
 from bellcrank.robot.load import default_options, robot_of
 from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 APART = 1e-6  # m, and for entries of rotation matrices: largest difference from the placement of a joint in the URDF
 ORIGIN = (0.0, 0.0, 0.0)
 AXIAL: Final = {"hinge": Hinge, "prismatic": Prismatic, "planar": Planar}  # kinds with one axis

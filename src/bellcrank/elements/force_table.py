@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import decimal_number
 from bellcrank.config.units import UNITS, units_for
@@ -27,7 +27,6 @@ from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
 from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
 
-Array = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "cubic", "hold")
 MOST_UNEVEN = 1e12  # the longest distance between rows of a cubic table by the shortest: beyond, rounding decides
 CLOSEST = 1e-9  # s between the rows of a cubic table: splines overshoot strongly for closer rows

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.config.numbers import split_number
 from bellcrank.config.units import UNITS
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from bellcrank.elements.symbols import Symbols
 
-Array = NDArray[np.float64]
 OVER = ("linear", "cubic")
 MOST_ROWS = 300  # of a table over a formula: each row is a piece of the machine code
 

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.elements.signals import Signal, SignalSource
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.elements.controller import ControlContext, Controller
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     Torques = Callable[[list[casadi.SX]], tuple[list[casadi.SX], list[casadi.SX]]]
 
-Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 ROUNDING = 1e-9  # of a sample time: a delay that is nearer to a multiple of it is that multiple
 MOST_WAITING = 1000  # samples within the delay

@@ -12,15 +12,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 
 if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
 
-Array = NDArray[np.float64]
 SMALL_JUMP = 1e-9  # relative to a signal's largest value; smaller jumps are rounding errors
 
 

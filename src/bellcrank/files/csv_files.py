@@ -11,13 +11,10 @@ import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank._step import csv_rows
+from bellcrank.arrays import Array
 from bellcrank.files.atomic_write import writing
 
-Array = NDArray[np.float64]
 ROWS = 1024  # converted to text at a time
 _FORMULA = tuple("=+-@\t\r\n＝＋－＠")  # spreadsheets accept the full-width ones too
 MARK = "'"

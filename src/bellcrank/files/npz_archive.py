@@ -19,7 +19,8 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from bellcrank.arrays import Array
+
 MOST_LISTED = 8 * 2**20  # bytes of the list of members: about 100,000 of them
 MOST_HEADER = 512  # characters of an array's header, of which numpy writes about 120
 MOST_TEXT, MOST_STRUCTURE = 512 * 2**20, 16 * 2**20  # bytes of the JSON text, and of what is no string in it

@@ -9,14 +9,12 @@ quaternion, q̇ = ½ q ⊗ ω.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.quaternions import conjugate, cross, multiply, rotate
 from bellcrank.robot.model.joints import JointLike, quaternion_part
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def sizes(joints: Sequence[JointLike]) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
@@ -23,7 +24,6 @@ from bellcrank.motion.generators.path_entries import CircleEntry, LineEntry, Poi
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 
 if TYPE_CHECKING:
-    from bellcrank.motion.coordinates import Array
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array
 from bellcrank.robot.model.joints import RobotLike
 
 MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees

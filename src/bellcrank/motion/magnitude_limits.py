@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 
 LONGEST = 1e30  # s, from 0
 SHORTEST = 1e-20  # s, between rows

@@ -12,9 +12,10 @@ from typing import Any, Literal
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, continuous, from_rates, rates, sizes, velocity_labels
+from bellcrank.motion.coordinates import continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.generators.closed_form import NEXT, ClosedForm, Side, States, covering
 from bellcrank.motion.magnitude_limits import check_size, check_times
 from bellcrank.motion.sampled.hermite import quintic

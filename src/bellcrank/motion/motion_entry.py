@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.messages import format_value
 from bellcrank.motion.motion import Motion
 
 if TYPE_CHECKING:
-    from bellcrank.motion.coordinates import Array
     from bellcrank.robot.robot import Robot
 
 Posture = dict[str, float] | tuple[float, ...]

@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._planner import LimitArrays, excess, largest_factor
+from bellcrank.arrays import Array
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.limits.path_limits import PathLimits
 
-Array = NDArray[np.float64]
 Part = tuple[Array, LimitArrays, list[Array]]
 MOST = 1e3  # times faster
 FIRST = 8  # intervals between two rows

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.files.atomic_write import write_text
 from bellcrank.files.csv_files import csv_text
 from bellcrank.files.results import WithJson
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
 
-Array = NDArray[np.float64]
 OPTIMAL = 1e-6  # the largest gap to the lower bound, and the largest excess, of a motion that is called optimal
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from bellcrank._planner import excess
 from bellcrank._planner import fastest_on_grid as grid_pass
 from bellcrank._planner import fastest_refined as refined_pass
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.planning.limits.path_torques import KnownPlaces
 
-Array = NDArray[np.float64]
 FIRST_CELLS = 200
 COARSE_CELLS = 100
 NARROW = 1e-9  # of the path, in the parameter r: cells are not halved further
@@ -160,7 +160,7 @@ def slope_of_share(r: Array) -> Array:
     return np.asarray(np.pi / 2.0 * np.sin(np.pi * np.minimum(r, 1.0 - r)))
 
 
-def _exceeding(timing: PathTiming, path: JointPath, limits: PathLimits) -> NDArray[np.bool_]:
+def _exceeding(timing: PathTiming, path: JointPath, limits: PathLimits) -> Mask:
     """The cells in which a limit is exceeded between their ends."""
     bad = np.zeros(len(timing.begin), dtype=np.bool_)
     for share in (0.1, 0.3, 0.7, 0.9):

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Indices
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.generators.blends import blended, straight
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Spline = Callable[[Array, int], Array]
 POINTS = 401  # of a path that is taken from a motion, to begin with
 MOST_POINTS = 6401
@@ -105,7 +104,7 @@ class JointPath:
         roots = np.unique(np.concatenate(found))
         return np.asarray(roots[(roots > 0.0) & (roots < self.length)])
 
-    def _roots(self, column: NDArray[np.intp], low: Array, high: Array) -> Array:
+    def _roots(self, column: Indices, low: Array, high: Array) -> Array:
         """The places (m,) between low and high at which joints change their directions, by bisection."""
         rows = np.arange(len(column))
         before = self.spline(low, 1)[rows, column]

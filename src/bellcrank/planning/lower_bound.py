@@ -16,15 +16,14 @@ the ends of a hole comes as near to its time as one likes. src/cpp/planner/lower
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._planner import lower_bound
+from bellcrank.arrays import Array
 from bellcrank.planning.fastest_pass import first_cells, share_of_path, slope_of_share
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.planning.limits.path_torques import KnownPlaces
 
-Array = NDArray[np.float64]
 CELLS = 20_000  # at most
 CELLS_OF_LINKAGES = 5_000  # each place solves a system of equations
 PARTS = 4  # of a cell, as in lower_bound.hpp

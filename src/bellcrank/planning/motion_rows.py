@@ -15,11 +15,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.planning.fastest_pass import PathTiming
 
-Array = NDArray[np.float64]
 SHORTEST = (1e-7, 3e-8, 1e-8, 3e-9, 3e-7, 1e-6)  # of the whole time: shorter cells become a jump; the usual one first
 LEAST = 1e-4  # of the whole time: a row is closer to the next one only in shorter pieces, or where more are needed
 ROUNDING = 60.0 * float(np.finfo(np.float64).eps)  # of the path's length over Δt²: rounding of an acceleration

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 REACHED = 1e-9  # a use may exceed 1 by this
 LONGEST_PAUSE = 1e7  # times the motion's time
 FACTORS = 60  # speed factors between 1 and SLOWEST at which the uses are looked at

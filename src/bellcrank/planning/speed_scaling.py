@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import excess
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.motion import Motion
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 DRAWN = 121
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._planner import bounds_at
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 TOLD_ON_GRID = 1e-3  # share of a limit: a motion on a grid that exceeds it by more says so
 SLOWER = 1e-5  # share of the speed: a motion that is slowed by more tells it
 

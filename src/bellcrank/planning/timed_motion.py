@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import LimitExcess
 from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid
@@ -18,7 +18,6 @@ from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.planning.motion_rows import SHORTEST, motion_rows
 from bellcrank.planning.speed_scaling import scaled_motion
 
-Array = NDArray[np.float64]
 CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
 KEPT = 7e-7  # share of a limit: a motion that exceeds none by more is not slowed
 AIMED = 3e-7  # share of a limit that a slowed motion may exceed
@@ -141,12 +140,12 @@ def time_above(bounds: PathLimits, motion: Motion, excess: float) -> float:
     )
 
 
-def _excess_at(bounds: PathLimits, motion: Motion, rows: NDArray[np.intp], share: float) -> Array:
+def _excess_at(bounds: PathLimits, motion: Motion, rows: Indices, share: float) -> Array:
     """The shares by which limits are exceeded after a share of the time from rows (n,) to the next ones."""
     return bounds.excess_of_motion(*_states(motion, rows, share)[1:])
 
 
-def _states(motion: Motion, rows: NDArray[np.intp], share: float) -> tuple[Array, Array, Array, Array]:
+def _states(motion: Motion, rows: Indices, share: float) -> tuple[Array, Array, Array, Array]:
     """Times (n,) after a share of the time from rows (n,) to the next ones, and the states there. A speed that is 0 but
     for rounding has the direction that it has between the rows, on which friction and the losses of gears depend.
     """

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.mobility import mobility
 from bellcrank.dynamics.postures.consistent_start import (
     consistent_start,
@@ -21,8 +19,6 @@ from bellcrank.errors import InputError
 if TYPE_CHECKING:
     from bellcrank.replays.film.film import Film
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,12 +15,12 @@ from itertools import product
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Array, Indices
 from bellcrank.printable_text import readable
 from bellcrank.replays.page.array_encoding import deflate_base64
 from bellcrank.sizing.selection.criteria import CriterionResult, Verdict
@@ -38,7 +38,6 @@ from bellcrank.sizing.selection.motor_curves import motor_curves
 from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, ParetoPoint, Selection, pair_id
 
-Array = NDArray[np.float64]
 MOST_TEMPERATURES = 80  # of a cycle
 DIGITS = 5
 OF_USES = 12  # of what the page rounds again: 0.704497 is 70.4 %, and not by 0.7045 70.5 %
@@ -293,13 +292,13 @@ def load_points(cycle: ReducedCycle) -> Array:
     return np.concatenate([samples[thinned(samples, MOST_SAMPLES)], *(points[corner_rows(points)] for points in kept)])
 
 
-def thinned(table: Array, most: int) -> NDArray[np.intp]:
+def thinned(table: Array, most: int) -> Indices:
     """About `most` rows of a table (n, m), evenly spread, and those of the extremes of each column."""
     even = np.linspace(0, len(table) - 1, min(most, len(table))).astype(np.intp)
     return np.unique(np.concatenate([even, np.argmin(table, axis=0), np.argmax(table, axis=0)]))
 
 
-def corner_rows(points: Array) -> NDArray[np.intp]:
+def corner_rows(points: Array) -> Indices:
     """Rows of points (n, 3) of whose convex hull no other point is further outside than TOLERANCE.
 
     The points farthest outside are added until there are none, each column measured by its largest magnitude. Points

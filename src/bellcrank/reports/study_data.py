@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.errors import InputError
 from bellcrank.printable_text import readable
 from bellcrank.replays.film.design_film import DesignFilm, film_of_designs
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from bellcrank.studies.results.exceedance import Limit
     from bellcrank.studies.results.sweep_result import Sweep
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+Rows = Indices
 MOST_MOTIONS = 200
 MOST_DESIGNS = 4000  # of the map
 LARGEST = 3_500_000  # characters of the motions; a page has half a megabyte besides

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 from bellcrank.numerics import length as norm
@@ -29,8 +29,6 @@ from bellcrank.robot.model.joints import unit_vector
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 START_KEYS = ("position", "rpy", "quaternion_xyzw", "angle", "linear_velocity", "angular_velocity")
 
 

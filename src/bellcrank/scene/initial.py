@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.elements.element import joint_named, joint_unit
 from bellcrank.messages import format_value, unknown_name
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Axes = list[tuple[slice, Array]]
 
 LARGEST_CORRECTION = 0.1  # rad, or of the characteristic length, by default

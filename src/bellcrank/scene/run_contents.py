@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.elements.held_inputs import found_signal
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import MOST_RUN, open_regular
@@ -28,7 +28,6 @@ from bellcrank.files.temporaries import new_folder
 from bellcrank.printable_text import file_name_here, utf8
 from bellcrank.version import version
 
-Array = NDArray[np.float64]
 RUN: Final = "bellcrank run"
 CHECKPOINTS: Final = "bellcrank run in blocks"  # about.npz of a folder of checkpoints
 CHECKPOINT: Final = "bellcrank run block"  # the other files of that folder

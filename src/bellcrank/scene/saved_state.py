@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.npz_archive import brief
@@ -28,7 +28,6 @@ from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
-Array = NDArray[np.float64]
 SAME_TIME = 1e-12  # relative difference of the time of a row and the time in the scene
 SAME = 1e-9  # relative difference of the last time and the duration
 UNIT = 1e-6  # difference of a quaternion's length from 1; in saved runs it is a rounding error

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
@@ -79,8 +79,6 @@ if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.elements.symbols import Symbols
     from bellcrank.motion.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

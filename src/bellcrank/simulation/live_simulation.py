@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.webassembly import webassembly
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Shown = Callable[["Assembly"], "casadi.SX"]  # begins with T, V and W, J
 KERNELS = (
     "rhs", "fallback", "project", "project_fallback", "events", "linearised", "rows", "inertia", "cosines", "aligned",

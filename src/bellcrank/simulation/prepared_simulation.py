@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.equations.design_parameters import design_parameters
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.integration.integration import Integration
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 INERTIAS = range(10, 16)  # the tracer's numbers of a link's moments of inertia, which are checked together
 START = "initial."
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.elements.controller_fields import Driven
 from bellcrank.elements.sampled_controllers import FunctionController
@@ -20,14 +21,9 @@ from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY, CheckpointW
 from bellcrank.simulation.integration.prepare_integration import prepare_integration
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
-
-    Array = NDArray[np.float64]
 
 
 @arguments.named

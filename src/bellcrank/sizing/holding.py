@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
-
-Array = NDArray[np.float64]
 
 
 def holding_torques(mechanism: Mechanism, motions: Sequence[Motion], mass_tolerance: float) -> Holding:
@@ -203,7 +201,7 @@ def _by_coordinates(value: Value, x: Array, lower: Array, upper: Array) -> tuple
         starts=len(x),
     )
 
-    def improve(k: int, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+    def improve(k: int, rows: Indices) -> tuple[Array, Array]:
         here = ascent.q[rows]
 
         def values(points: Array) -> Array:

@@ -22,8 +22,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.sizing.holding_gravity_tree import UNSETTLED, TreeSearch
 from bellcrank.sizing.holding_search import (
     AscentSettings,
@@ -42,8 +42,6 @@ from bellcrank.sizing.holding_search import (
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Shares = Callable[[Array, Rows], Array]  # postures (n, nq) of these rows (n,) -> shares of their torques (n, s, nv)
 
 STARTS = 24  # postures to start from, for each joint and each sign
@@ -189,7 +187,7 @@ class _Climb:
         joints: tuple[RobotJoint, ...],
         ranges: JointRanges,
         shares: Shares,
-        own: tuple[NDArray[np.intp], Array],
+        own: tuple[Indices, Array],
         ascent: CoordinateAscent,
     ) -> None:
         self.joints, self.ranges, self.own, self.ascent = joints, ranges, own, ascent

@@ -15,15 +15,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.sizing.holding_search import AscentSettings, JointRanges, at_or_above
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp] | slice
+Rows = Indices | slice
 
 STRETCHED = 4  # one in so many of the starts has what its joint moves stretched out
 BLOCK_NUMBERS = 1_000_000  # coordinates of all postures that are improved together
@@ -159,7 +158,7 @@ class TreeSearch:
 class _Postures:
     """Postures (joints, r) that are improved together, each for the torque of its own joint, times a sign (r,)."""
 
-    def __init__(self, search: TreeSearch, target: NDArray[np.intp], sign: Array, q: Array) -> None:
+    def __init__(self, search: TreeSearch, target: Indices, sign: Array, q: Array) -> None:
         self.search, self.links = search, search.links
         self.target, self.sign, self.q = target, sign, q
         self.factor: list[Array | float] = [1.0] * len(self.links)  # of each joint's bodies (bodies, rows)
@@ -175,8 +174,8 @@ class _Postures:
         """Which postures (r,) each joint of the tree matters to, and which of these have it at or below their own."""
         sliding = np.array([link.kind == "prismatic" for link in self.links])[self.target]
         self.rows: list[Rows] = []
-        self.below: list[NDArray[np.bool_]] = []
-        self.own: list[NDArray[np.bool_]] = []
+        self.below: list[Mask] = []
+        self.own: list[Mask] = []
         self.matters = np.zeros((len(self.links), len(self.target)), dtype=bool)
         for k in range(len(self.links)):
             below, above = self.search.within[k, self.target], self.search.within[self.target, k]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bellcrank.arrays import Array, Indices, Mask
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+Rows = Indices
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class CoordinateAscent:
 
     q: Array
     shares: Array
-    matters: NDArray[np.bool_]
+    matters: Mask
     places: list[int]
     starts: int
     tolerance: float = 0.0
@@ -167,9 +167,7 @@ def refined(value: Callable[[Array], Array], points: Array, count: int, rounds: 
     return best
 
 
-def dependence(
-    torques: Callable[[Array], Array], places: list[int], postures: Array, noise: float
-) -> NDArray[np.bool_]:
+def dependence(torques: Callable[[Array], Array], places: list[int], postures: Array, noise: float) -> Mask:
     """Whether each velocity coordinate's torque depends on each joint's position, (nv, k).
 
     `torques` gives (n, …, nv) at postures (n, nq); changes below `noise` of the largest torque do not count.

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.dynamics.inverse.motor_torque_derivatives import Loads, MotorTorqueDerivatives
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import Peak
     from bellcrank.sizing.result import Sizing
 
-Array = NDArray[np.float64]
 SAME_TIME = 1e-9  # s per s: rows this near a peak are candidates for its side of a jump
 LEAST_SHARE = 0.5  # of the peak: smaller maxima are far from being one
 PEAKS = ("max_torque", "min_torque", "peak_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power")

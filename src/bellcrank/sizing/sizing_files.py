@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
+from bellcrank.arrays import Array
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.csv_files import write_table
 from bellcrank.motion.motion import Motion
@@ -75,7 +75,7 @@ def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
     return paths
 
 
-def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], NDArray[np.float64]]:
+def _shaft_columns(history: MotionHistory) -> dict[tuple[str, str], Array]:
     """The columns of the motors' shafts: (title, unit) and values (n,)."""
     columns = {}
     for joint in history.joints:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.units import RPM
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
 from bellcrank.plot_style import colour, heading, legend_below, literal, new_figure, place, plain, title_above
@@ -78,7 +78,6 @@ def drawn_states(motion: Motion) -> SampledStates:
 LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
 LIMIT = "#b30000"
 CURVE = "#1a1a1a"
-Array = NDArray[np.float64]
 
 
 def joint_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:

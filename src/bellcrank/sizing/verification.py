@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.electrical import copper_loss, friction_loss
@@ -19,6 +18,7 @@ from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.drives import Drive
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 SPACING, MOST_ROWS = 5e-4, 20_001  # of the rows in which peaks are looked for, s
 LIMITS: Final = {"tracking_error": "", "tool_error": "m", "settling_time": "s", "command_over_limit": "",
                  "winding_temperature": "°C", "bus_voltage": "V"}  # fmt: skip

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints, sine_rows
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 def alignment_cosines(scene: Scene, q: Array) -> dict[str, float]:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 FACTORISED = 4  # postures in which J M⁻¹ Jᵀ is evaluated
 ROUNDING = 1e-13  # of a coordinate's own inertia, or of the largest: a smaller inertia is rounding
 FIXED = 1e-9  # of the largest singular value of J: below this a motion is not constrained

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.dynamics.constraints.constraint_derivatives import differentiate_constraints, row_names
 from bellcrank.elements.expression_constraint import ExpressionConstraint
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 POSTURES = 8  # in which J and φ are evaluated
 MORE_POSTURES = 512  # tried where constraints have no value in all of the first ones
 MEANT = 1e-7  # of the robot's largest dimension: shorter lever arms are rounding

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import rows_of, velocity_units
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.postures.consistent_start import consistent_start
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0
 MOVING = 1e-6  # of the largest rate: a joint that moves less in a freedom is at rest
 ASIDE = 0.02  # rad or characteristic lengths: how far away the mobility of neighbouring postures is looked at

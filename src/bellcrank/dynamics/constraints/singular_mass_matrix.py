@@ -6,8 +6,8 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
 from bellcrank.dynamics.constraints.constraint_rows import (
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.equations.assembly import Assembly
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 POSTURES = 3
 TAKES_PART = 1e-3  # of the largest component of such a motion: a coordinate with less takes no part in it
 MISSED = 1e-6  # of the largest joint force: the residual up to which accelerations satisfy the equations

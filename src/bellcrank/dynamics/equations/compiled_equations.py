@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.codegen.locks import making
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
 
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 # The Jacobian as one expression has about 0.6 n times the operations of the right-hand side; beyond this bound
 # directional derivatives in SIMD lanes are cheaper to compile and as fast to run.
 LARGEST_JACOBIAN = 3_000

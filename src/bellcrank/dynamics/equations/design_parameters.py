@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import row_sizes
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.constraints.constraint_rows import (
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 LENGTH, ANGLE, OTHER = range(3)  # units of rows, as in row_sizes.hpp
 
 

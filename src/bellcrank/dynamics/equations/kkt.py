@@ -25,14 +25,15 @@ from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bellcrank.arrays import Mask
 
 if TYPE_CHECKING:
     import casadi
 
     from bellcrank.dynamics.constraints.constraint_derivatives import ConstraintDerivatives
 
-Pattern = NDArray[np.bool_]
+Pattern = Mask
 REFINEMENTS = 3  # passes of the proximal solve after the first; the error that they leave in a regular row is μ⁴
 PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ

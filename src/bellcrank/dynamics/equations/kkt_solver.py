@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.numerics import checked, svd
 
-Array = NDArray[np.float64]
 SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0, as in mobility.py
 MASSLESS = 1e-13  # of the largest eigenvalue of the reduced mass matrix
 

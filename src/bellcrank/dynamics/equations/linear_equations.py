@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property, computed_once
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 DIRECTIONS = ("position", "velocity", "acceleration", "multipliers", "time", "torque", "signals", "parameters")
 _STORED = {str: (int, int, [int], [int])}
 AT_SWITCH = 1e-12  # of a function of a switch, SI units: this state is at the switch

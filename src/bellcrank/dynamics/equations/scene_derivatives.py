@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.linear_equations import equation_code
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.dynamics.postures.consistent_start import consistent_start
@@ -18,8 +16,6 @@ if TYPE_CHECKING:
 
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import cache as disk
 from bellcrank.codegen.locks import making
@@ -22,7 +22,6 @@ from bellcrank.dynamics.equations.kkt import REGULARISATION
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 RECENT = 16  # systems that are kept although no scene uses them
 _systems: WeakValueDictionary[str, System] = WeakValueDictionary()
 _recent: dict[str, System] = {}  # the last of them is the newest

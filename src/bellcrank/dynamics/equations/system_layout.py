@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.dynamics.constraints.constraint_derivatives import row_names
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.equations.assembly import Assembly
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 Sizes = tuple[int, int, int, int]
 _STORED = {
     "has_work": bool,

@@ -14,13 +14,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bellcrank.arrays import Array
 
 if TYPE_CHECKING:
     from bellcrank.robot.model.joints import RobotJoint
     from bellcrank.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 def cross(vector: Array) -> Array:

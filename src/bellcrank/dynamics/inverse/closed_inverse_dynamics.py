@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.constraints.reactions import joint_reactions
@@ -35,8 +35,6 @@ from bellcrank.scene.scene import Scene
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
-
-Array = NDArray[np.float64]
 
 
 class Linkage:

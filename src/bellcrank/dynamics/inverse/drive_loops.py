@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.copper import resistance_factor
+from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.equations.assembly import Assembly, assemble
 from bellcrank.dynamics.equations.base_frame_elimination import mass_matrix
 from bellcrank.dynamics.equations.system import system_parameters
@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 GROWTH = 1e-9  # of the largest eigenvalue, or of 1 for a sampled loop: a slower growth is rounding
 LARGEST_GAIN = 1e4
 GRID = 24  # factors and angles that are tried before the border between two of them is located

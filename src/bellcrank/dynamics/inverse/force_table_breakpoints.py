@@ -6,15 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.elements.signals import SMALL_JUMP
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
 
-Array = NDArray[np.float64]
 SAME_TIME = 1e-12  # s, or of a time beyond 1 s: the rounding between a row of a motion and one of a table
 LEAST_APART = 1e-9  # the same, between a row of a motion and a row of a table that is added to it
 
@@ -83,7 +82,7 @@ def _repeated_times(motion: Motion) -> Array:
     return np.asarray(motion.time[1:][np.diff(motion.time) == 0.0])
 
 
-def _jumps(mechanism: Mechanism, times: Array) -> NDArray[np.bool_]:
+def _jumps(mechanism: Mechanism, times: Array) -> Mask:
     """Whether a table jumps at each of these times."""
     found = np.zeros(len(times), dtype=bool)
     for force in mechanism.equations.forces:

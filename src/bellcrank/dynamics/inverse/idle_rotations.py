@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.constraints.constraint_rows import characteristic_length, velocity_units
 from bellcrank.elements.symbols import Symbols
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 SMALL = 1e-7  # of the largest singular value or entry: below this, a number counts as 0
 
 
@@ -89,7 +88,7 @@ def null_space(matrix: Array) -> Array:
     return np.asarray(rows[kept:].T)
 
 
-def _turning(twist: Array, length: float) -> NDArray[np.bool_]:
+def _turning(twist: Array, length: float) -> Mask:
     """The joints (k,) whose links move, where all have one twist (k, 6), a rotation about a line; else none.
 
     Twists are the velocity of the point at the world's origin, m/s, and the angular velocity, rad/s.
@@ -103,7 +102,7 @@ def _turning(twist: Array, length: float) -> NDArray[np.bool_]:
     return moving if alike and line and one[3:].any() else np.zeros(len(twist), dtype=bool)
 
 
-def _connections(scene: Scene, moving: NDArray[np.bool_]) -> int:
+def _connections(scene: Scene, moving: Mask) -> int:
     """The number of joints and constraints between links that move and links at rest."""
     robot = scene.robot
     tree = robot.equations.tree

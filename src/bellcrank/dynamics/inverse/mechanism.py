@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import JointDryFriction
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.element import Force
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
-
-Array = NDArray[np.float64]
 
 
 class Mechanism(Protocol):

@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.postures.loop_kinematics import SINGULAR, rank
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.numerics import products, pseudo_inverse, svd
@@ -25,7 +25,6 @@ from bellcrank.numerics import products, pseudo_inverse, svd
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 
-Array = NDArray[np.float64]
 WELL_CONDITIONED = 1e3  # entry of the inverse of a scaled Jacobian, up to which it loses few digits
 MASSLESS = 1e-13  # of the largest inertia of a joint: an idle rotation with less has no inertia
 

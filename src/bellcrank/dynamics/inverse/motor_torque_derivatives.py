@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_derivatives import (
     SymbolicRows,
     derivative_along,
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 class Loads(NamedTuple):

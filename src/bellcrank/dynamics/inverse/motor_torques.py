@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 MOST_ROWS = 12  # of constraints that are solved as one expression
 
 

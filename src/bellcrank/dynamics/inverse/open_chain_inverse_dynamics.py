@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.reactions import joint_reactions
 from bellcrank.dynamics.inverse.tree_inverse_dynamics import TreeInverseDynamics
@@ -22,8 +22,6 @@ from bellcrank.robot.robot import BLOCK_NUMBERS, LARGEST_WHOLE, Robot, RobotJoin
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 class OpenChain:

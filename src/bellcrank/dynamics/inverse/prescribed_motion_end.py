@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.elements.element import joint_unit
 from bellcrank.elements.joint_constraints import PrescribedMotion
@@ -22,7 +22,6 @@ from bellcrank.errors import InputError
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 AT_START = 1e-12  # s
 MOVING = 1e-4  # of a motion's largest speed: smaller jumps are rounding of files, and are removed by projection
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
@@ -22,8 +22,6 @@ from bellcrank.notes import Note, in_use, ranked
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.joint_forces import Friction
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 LARGEST = 1e100  # N or N m: the squares of larger ones, needed for the RMS, overflow
 
 

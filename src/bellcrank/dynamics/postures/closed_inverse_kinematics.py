@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, differentiate_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.postures.loop_kinematics import DEAD, SINGULAR, LoopKinematics
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from bellcrank.codegen.compile import Compiled
 
-Array = NDArray[np.float64]
 LEAP = 0.1  # rad or characteristic lengths: all joints move less in one step
 TURN = 0.5  # rad: in such turns, at most, the frame takes its orientation from the start posture
 IDLE = 1e-6  # m or rad per rad: slower, a frame's coordinate is at rest in an idle rotation

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import consistent_velocities as search_velocities
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
@@ -34,8 +34,6 @@ from bellcrank.scene.constraint_conditions import LiesFlat
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 MOVED = 1e-6  # rad, m or relative: by so much constraints may change a start without a note
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.idle_rotations import IdleRotation
 from bellcrank.dynamics.inverse.path_geometry import path_notes
@@ -33,7 +33,6 @@ from bellcrank.motion.sampled.csv_file import motion_text, read_motion
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 AGREEMENT = 1e-5  # rad, or of the characteristic length: differences that files round off
 
 

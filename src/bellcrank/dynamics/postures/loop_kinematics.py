@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 DEAD = 1e-6  # a smallest singular value below this share of the largest: dead point, postures accurate to its root only
 STEEP = 1e3  # rad or characteristic lengths a unit: dependent joints that move faster are near a dead point
 SINGULAR = 1e-8  # a singular value below this share of the largest counts as 0
@@ -247,7 +245,7 @@ class LoopKinematics:
             followed[d] = (rates.regularity >= DEAD).all() and (steep <= STEEP).all() and np.isfinite(a[d]).all()
         return FollowedMotions(found.postures, v, a, followed)
 
-    def _dependent(self, joints: Sequence[RobotJoint]) -> NDArray[np.intp]:
+    def _dependent(self, joints: Sequence[RobotJoint]) -> Indices:
         """The degrees of freedom of the other joints."""
         return np.setdiff1d(np.arange(self.robot.nv), [joint.v for joint in joints])
 

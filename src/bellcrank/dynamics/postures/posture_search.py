@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import consistent_postures, followed_postures
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.equations.system import system_parameters
 from bellcrank.dynamics.postures.start_equations import StartEquations, equations_at
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Codes = NDArray[np.int32]
 Method = Literal["nearest", "damped", "continued"]
 
@@ -55,7 +54,7 @@ class Constrained(NamedTuple):
     units: Array
     lengths: Array
 
-    def picked(self, rows: NDArray[np.intp]) -> Constrained:
+    def picked(self, rows: Indices) -> Constrained:
         """Some of the designs, which may repeat."""
         one_unit, one_length = len(self.units) == 1, len(self.lengths) == 1
         return Constrained(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines, full_angle_residuals
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
@@ -21,8 +21,6 @@ from bellcrank.dynamics.postures.start_stages import scattered, search_further
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 APART = 1e-9  # m or rad: a larger residual is a gap
 RESTARTS = ((8, 0.5),)  # fewer than for a start, as many sets of constraints are tried
 TRIALS = 24  # random postures from which the smallest gaps are searched

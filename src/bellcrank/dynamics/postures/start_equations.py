@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints, alignment_owners, sine_rows
 from bellcrank.dynamics.equations.system import system_of
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.dynamics.equations.compiled_equations import System
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

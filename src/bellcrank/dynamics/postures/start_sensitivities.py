@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.design_parameters import design_parameters
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.postures.consistent_start import consistent_postures, consistent_start, consistent_velocities
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.initial import Initial
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 FIRM = 1e-9  # of the largest singular value: directions below it are not determined
 CONSISTENT = 1e-7  # of the right-hand side: a larger remainder means that the constraints cannot stay satisfied
 STEP = 1e-2  # of the value, or of 1 where it is smaller: the first step of the differences

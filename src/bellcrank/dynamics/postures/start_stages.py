@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.constraints.constraint_rows import characteristic_length
 from bellcrank.dynamics.postures.posture_search import Constrained, PostureSearch, StartCode, search_postures
 from bellcrank.robot.model.joints import lengths_in_position, unit_vectors
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Restarts = Sequence[tuple[int, float]]
 RESTARTS = ((8, 0.2), (16, 0.5), (40, 1.0))  # how many random postures, in which share of the joints' ranges
 SEED = 15

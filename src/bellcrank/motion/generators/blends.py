@@ -20,8 +20,8 @@ from math import sqrt
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 
 SHORTEST = 1e-9  # of a segment: the third derivative of a shorter blend overflows
 HALF = 0.5 * (1.0 + 1e-9)  # of a segment: a longer blend would meet the next one

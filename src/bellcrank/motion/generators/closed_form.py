@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array, Indices
 from bellcrank.motion.generators.blends import BlendedPath
 from bellcrank.motion.generators.profile import Profile
 
@@ -121,7 +120,7 @@ class ClosedForm:
         return True
 
 
-def covering(forms: Sequence[ClosedForm], time: Array, side: Side) -> NDArray[np.intp]:
+def covering(forms: Sequence[ClosedForm], time: Array, side: Side) -> Indices:
     """The number of the stretch (m,) that holds each time (m,), s; -1 where none does."""
     begin, end = (np.array([getattr(form, key) for form in forms]) for key in ("begin", "end"))
     k = np.searchsorted(begin, time, side="right" if side == "after" else "left") - 1

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.generators.profile import Profile
 from bellcrank.motion.generators.profile import profile as make_profile
 from bellcrank.motion.generators.waypoints import checked_samples

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields, parse_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.motion.motion_entry import MotionEntry, Posture, posture_of, read_posture
 
 if TYPE_CHECKING:
-    from bellcrank.motion.coordinates import Array
     from bellcrank.motion.generators.path import Circle, FramePath, Line, PathOptions, Placement
     from bellcrank.motion.generators.tool_path import PathPoint, Polyline
     from bellcrank.motion.motion import Motion

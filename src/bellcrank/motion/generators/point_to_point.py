@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, BlendedPath, blended, straight
 from bellcrank.motion.generators.closed_form import ClosedForm, TimedPath
 from bellcrank.motion.generators.path_timing import Section, timing

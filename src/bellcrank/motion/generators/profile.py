@@ -17,9 +17,9 @@ from typing import Any, Literal
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.coordinates import Array
 
 KINDS = ("constant", "trapezoid", "quintic", "s_curve")
 LEAST, MOST = 1e-30, 1e30  # of distances, times and limits, in SI units: fifth powers of them are numbers

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import spline_coefficients, spline_values
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 
-Array = NDArray[np.float64]
 FEWEST = 6  # points of a spline whose ends are not-a-knot
 
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, Segment, blended, straight
 from bellcrank.motion.generators.path import AXES, FARTHEST, FramePath, Orientation, PathOptions, Posture, Vector
 from bellcrank.motion.generators.path_timing import Section, timing

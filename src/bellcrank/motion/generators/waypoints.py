@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array, continuous, from_rates
+from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.generators.closed_form import ClosedForm, Rest, Side, States
 from bellcrank.motion.generators.quintic_spline import FEWEST, QuinticSpline, too_close
 from bellcrank.motion.limit_notes import limit_notes

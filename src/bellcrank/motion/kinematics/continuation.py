@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.pose_equations import FrameTask
 from bellcrank.motion.kinematics.rotations import angles_to, between
 from bellcrank.motion.sampled.hermite import quintic

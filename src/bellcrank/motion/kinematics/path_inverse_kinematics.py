@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.errors import UnreachableError
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.generators.path import (
     FramePath,
     Posture,

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError, UnreachableError
-from bellcrank.motion.coordinates import Array
 from bellcrank.numerics import svd
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array
 
 
 def from_rpy(rpy: Array) -> Array:

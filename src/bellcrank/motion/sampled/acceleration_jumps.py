@@ -18,9 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array, Mask
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.file_precision import typical_noise
 from bellcrank.motion.sampled.jump_fit import AT_END, Parabola, Step, fitted_jump, integrals
@@ -34,7 +33,6 @@ MANY = 200  # steps of one joint that deviate: more than this are noise
 TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
 EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
 RETURN = 5e-4  # of a joint's largest acceleration, times h²: by how much a step may lead a moved position back
-Mask = NDArray[np.bool_]
 EDGES = np.linspace(0.0, 1.0, 17)
 
 

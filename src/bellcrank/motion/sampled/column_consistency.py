@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array, continuous, rates
+from bellcrank.arrays import Array
+from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.motion.motion import POSITION_GAP, Motion
 from bellcrank.motion.sampled.file_precision import rounding_of
 

@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.config.numbers import decimal_number
 from bellcrank.config.units import units_for
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
 from bellcrank.messages import unknown_name
-from bellcrank.motion.coordinates import Array, position_labels, velocity_labels
+from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.limit_notes import limit_notes
 from bellcrank.motion.magnitude_limits import LARGEST
 from bellcrank.motion.motion import Motion

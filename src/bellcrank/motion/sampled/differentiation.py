@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array
 from bellcrank.motion.generators.waypoints import derivative, second_derivatives
 from bellcrank.motion.sampled.file_precision import differences, typical_noise
 

@@ -8,7 +8,7 @@ from math import factorial
 
 import numpy as np
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array
 
 TYPICAL = 8.0  # times the median residual: rounding changes no residual by more
 FEW = 12  # fewer residuals than this come from jumps, not from rounding

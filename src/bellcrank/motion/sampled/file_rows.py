@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.motion import POSITION_GAP
 from bellcrank.motion.sampled.file_precision import rounding_of
 from bellcrank.robot.model.joints import JointLike, RobotLike
@@ -83,7 +82,7 @@ def _merged(joints: Sequence[JointLike], rows: FileRows, name: str) -> FileRows:
     return FileRows(times[keep], position[keep], velocity, acceleration, (*rows.notes, note))
 
 
-def _decided_by_rounding(joints: Sequence[JointLike], rows: FileRows, near: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _decided_by_rounding(joints: Sequence[JointLike], rows: FileRows, near: Mask) -> Mask:
     """The steps (n − 1,) in which rounding of positions may change accelerations by NOISE of the largest elsewhere."""
     step, found = np.diff(rows.time), np.zeros(len(near), dtype=bool)
     single = [joint for joint in joints if joint.nq == 1]

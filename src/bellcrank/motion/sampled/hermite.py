@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.motion.coordinates import Array, continuous, from_rates, rates
+from bellcrank.arrays import Array, Mask
+from bellcrank.motion.coordinates import continuous, from_rates, rates
 from bellcrank.robot.model.joints import JointLike
 
 AMPLIFIED = (
@@ -65,7 +65,7 @@ def quintic_powers(value: Any, d: Any, begin: Any, end: Any) -> tuple[Any, ...]:
     return value, v0, 0.5 * a0, c3, c4, c5
 
 
-def _too_short(knot: Array, h: Array, value: Ends, first: Ends, second: Ends) -> NDArray[np.bool_]:
+def _too_short(knot: Array, h: Array, value: Ends, first: Ends, second: Ends) -> Mask:
     """Whether rounding of values and knots would change the second derivative within steps h (m, 1) by more than
     VISIBLE of what it is there. Values are sums of numbers of the size of 1 (rad, m), or larger.
     """

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.motion.coordinates import Array
+from bellcrank.arrays import Array, Indices
 
 SHARE = 1.0 / 2000.0  # of a line's range: by how much a displayed value may be off
 BETWEEN = 0.4  # of the bound: what lies between rows; the rest is what leaving rows out may take
@@ -106,7 +105,7 @@ def _suspects(time: Array, table: Array, bound: Array) -> Array:
         return np.asarray(wide & (either * h * h / 8.0 > MAY_BEND))
 
 
-def extreme_rows(table: Array, most: int) -> NDArray[np.intp]:
+def extreme_rows(table: Array, most: int) -> Indices:
     """Rows to keep of a table (n, lines), increasing: the first, the last, and in each of equal stretches of rows every
     line's least and largest, so that no peak is lost; at most `most`, or two a line and two where those are more. What
     lies between them is not told.

@@ -10,10 +10,9 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.errors import InputError
-from bellcrank.motion.coordinates import Array
 from bellcrank.motion.generators.waypoints import interpolate
 from bellcrank.motion.magnitude_limits import check_size, check_times
 from bellcrank.motion.motion import Motion
@@ -94,7 +93,7 @@ def _least_spacing(time: Array, values: Array, order: int, rounding: float) -> f
     return spacing
 
 
-def _kept(time: Array, spacing: float) -> NDArray[np.intp]:
+def _kept(time: Array, spacing: float) -> Indices:
     """Samples that lie at least this far apart, the first and the last among them."""
     keep = [0]
     for k in range(1, len(time) - 1):

@@ -13,12 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.jerk.jerk_limits import LOCAL, PLACES, SHARES, JerkLimits, SquaredSpeedSpline, Violation
 
-Array = NDArray[np.float64]
 GAP = 1e-9  # of the time: the duality gap at the end
 CENTRED = 0.1  # the barrier parameter falls once the Newton decrement squared, over m μ, is below
 FALL = 0.15  # factor by which the barrier parameter falls

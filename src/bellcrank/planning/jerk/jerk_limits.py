@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._planner import LimitArrays, linearised
+from bellcrank.arrays import Array, Indices
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
 
@@ -96,9 +96,6 @@ class SquaredSpeedSpline:
             return np.asarray(share * np.diff(self.r) / 2.0 * (z**-0.5 @ GAUSS_WEIGHTS), dtype=np.float64)
 
 
-Array = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Violation:
     """Constraints g ≤ 0 at p places.
@@ -132,7 +129,7 @@ class JerkLimits:
     arrays: LimitArrays
     fastest: Array
     jerk: Array
-    kept: NDArray[np.intp]
+    kept: Indices
     squares: int
 
     @property

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import BellcrankError
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_pass import fastest_on_grid
@@ -22,7 +22,6 @@ from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
 from bellcrank.robot.model.joints import one_degree_columns
 
-Array = NDArray[np.float64]
 FIRST_CELLS, FIRST_CELLS_A_KNOT, MOST_FIRST_CELLS = 100, 12, 1500
 CLOSE = 4e-4  # of the parameter r: closer knots and turning points count as one
 GRID_CELLS = 500  # of the first-order method, which finds where limits cannot be kept
@@ -242,7 +241,7 @@ def _shortest(path: JointPath, limits: PathLimits) -> float:
 
 def _halved(
     path: JointPath, limits: PathLimits, solved: tuple[SquaredSpeedSpline, OptimalSpeed], shortest: float
-) -> NDArray[np.bool_]:
+) -> Mask:
     """The cells that are too wide."""
     spline, found = solved
     width, time = np.diff(spline.r), np.nan_to_num(spline.durations(found.unknowns), nan=np.inf)

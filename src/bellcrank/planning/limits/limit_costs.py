@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError
 from bellcrank.planning.fastest_motion import LimitCost, shares
 from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_grid
@@ -15,7 +15,6 @@ from bellcrank.planning.jerk.jerk_pass import JerkTiming
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
 
-Array = NDArray[np.float64]
 CELLS = 500  # of the grid on which the costs of limits are computed
 STEP = 1e-3  # relative change of a limit
 NO_COST = 1e-6  # relative: a limit of smaller derivative that is nowhere the most costly one is left out

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Limit = Literal["urdf", "none"] | Mapping[str, float]
 TOOL_UNITS = {
     "tool_speed": "m/s",

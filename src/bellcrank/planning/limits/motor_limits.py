@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.sizing.loads.coupled_axes import AxisCoordinates, axis_coordinates, of_axes
@@ -68,9 +68,6 @@ class DrivenAxes:
     @cached_property
     def _inverse(self) -> Array:
         return np.asarray(np.linalg.inv(self._coordinates.matrix))
-
-
-Array = NDArray[np.float64]
 
 
 class GearEfficiencies(NamedTuple):

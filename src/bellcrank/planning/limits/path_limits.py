@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._planner import LimitArrays, excess
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.planning.limits.limit_rows import CountedLimits, LimitRows, NamedLimit, limit_rows
@@ -29,7 +29,6 @@ from bellcrank.sizing.loads.one_sided_limits import ONE_SIDE
 if TYPE_CHECKING:
     from bellcrank.planning.joint_path import JointPath
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-13  # of the largest coefficient of u: smaller ones are rounding
 FASTEST = 1e12  # the path speed where nothing limits it
 

@@ -16,16 +16,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.mechanism import Mechanism, joint_frictions
 from bellcrank.errors import InputError
 from bellcrank.planning.limits.limit_rows import LimitedQuantity
 from bellcrank.planning.limits.motor_limits import DrivenAxes
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-5  # of the largest torque of any joint, by which smaller ones may be rounding
 NO_DAMPING = 1e-12  # of the largest torque: less that is odd in the speed is rounding
 AGREEMENT = 1e-8  # relative: the model of a torque over the path speed against inverse dynamics
@@ -184,7 +183,7 @@ class PathPlaces:
         terms = self.terms
         return self.q, self.first, self.second, terms.a, terms.b, terms.d, terms.c, terms.w
 
-    def taken(self, index: NDArray[np.intp]) -> PathPlaces:
+    def taken(self, index: Indices) -> PathPlaces:
         """The places of these numbers."""
         q, first, second, *terms = (each[index] for each in self._arrays)
         return PathPlaces(q, first, second, PathTerms(*terms))

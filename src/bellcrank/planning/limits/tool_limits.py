@@ -14,12 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.planning.limits.motion_limits import MotionLimits
 from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-12  # of the largest |A|: smaller ones are rounding
 
 

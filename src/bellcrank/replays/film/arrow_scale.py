@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.replays.film.film import Array, Arrow, Film
+from bellcrank.arrays import Array
+from bellcrank.replays.film.film import Arrow, Film
 
 LONGEST = 0.45  # arrow, as a share of half the height of the view
 USUAL = 95.0  # percentile of the magnitudes up to which the scale is linear

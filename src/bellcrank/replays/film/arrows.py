@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements import frame_forces
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

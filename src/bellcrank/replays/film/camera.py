@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.quaternions import conjugate, multiply
 from bellcrank.replays.film.film import Camera, Ground
 from bellcrank.replays.geometry.shapes import triple
 
-Array = NDArray[np.float64]
 HALF_VIEW = np.tan(np.deg2rad(20.0))  # tangent of half the vertical field of view
 ASPECT = 4.0 / 3.0
 MARGIN = 1.12  # factor on what must be visible

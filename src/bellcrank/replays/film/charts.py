@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.sampled.resampling import BETWEEN, SHARE, extreme_rows, ranges
 from bellcrank.replays.film.decimation import Rows, line_rows
 from bellcrank.replays.film.film import Chart, FilmLine
@@ -17,7 +17,6 @@ from bellcrank.simulation.trajectory.plot_panels import Panel, run_panels, shown
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 FORCES = ("joint torque", "joint force", "multiplier")
 MOST_TIMES = 1000  # of forces, for arrows
 MOST_POINTS = 2000  # of lines that are not interpolated between rows: two for each pixel of a wide screen

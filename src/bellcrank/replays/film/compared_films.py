@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, FilmLine
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.shapes import DrawnBody, outlines, world_corners
 
-Array = NDArray[np.float64]
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
 MOST_LOOKED_AT = 200  # frames by which the camera is placed
 
@@ -103,7 +102,7 @@ def _tint(colour: Colour) -> Colour:
     return red, green, blue, OPACITY * colour[3]
 
 
-def _shares(film: Film, time: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+def _shares(film: Film, time: Array) -> tuple[Indices, Indices, Array]:
     """The frames (m,) before and after each time (m,), and the share of the way from one to the other."""
     after = np.clip(np.searchsorted(film.time, time, side="left"), 0, len(film.time) - 1)
     before = np.where(film.time[after] > time, np.maximum(after - 1, 0), after)

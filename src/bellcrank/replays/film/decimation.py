@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+from bellcrank.arrays import Array, Indices
+
+Rows = Indices
 # rad: half of the turn of a body between frames; beyond it the shorter rotation may be the wrong one
 MOST_HALF_TURN = 0.75
 SAMPLES = np.arange(1, 8) / 8.0  # where an interval is examined before it is checked at every row

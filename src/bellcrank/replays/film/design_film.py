@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.kinematics.quaternions import rotate
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 
 # ---- What the film of a study shows of one design: a run of a scene, or a motion over which it was sized.
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

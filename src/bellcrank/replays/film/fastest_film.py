@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.planning.fastest_motion import FastestMotion
 from bellcrank.replays.film.film import ActiveLimit, Film, FilmAxis, XYPlot
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 SHORTEST = 1e-3  # of the whole time: a limit that is active for less is not named
 DRAWN = 1.6  # times the largest path speed: the largest speeds are drawn up to here
 MOST_CORNERS = 2000

@@ -10,16 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.motion.sampled.resampling import SHARE
 from bellcrank.replays.geometry.shapes import DrawnBody, Triple
 
 if TYPE_CHECKING:
     from bellcrank.replays.film.live_film import LiveFilm
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

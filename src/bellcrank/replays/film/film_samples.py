@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.sampled.resampling import NOTHING, OUTSTANDING, extreme_rows
 from bellcrank.motion.sampled.resampling import SHARE as VALUE_TOLERANCE
 from bellcrank.replays.film.decimation import Rows, frame_rows, series_rows
@@ -15,7 +15,6 @@ from bellcrank.replays.film.film import Arrow, Trace
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, refine
 from bellcrank.replays.geometry.shapes import DrawnBody, body_radii, bounding_boxes, outlines, world_corners
 
-Array = NDArray[np.float64]
 PointFunction = Callable[[Array, Array], Array]  # points (n, frames, 3), quaternions (n, frames, 4) -> points (n, 3)
 FramePose = Callable[[str], tuple[Array, Array]]  # name of a frame -> points (n, 3) m, quaternions (n, 4), in the world
 ArrowFunction = Callable[[Array, Array, Array, FramePose], Iterable[Arrow]]  # times, positions, velocities, frames

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.quaternions import conjugate, from_matrices, rotate
 from bellcrank.numerics import pseudo_inverse
 from bellcrank.replays.film.sampled_trajectory import frame_pose_function
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-9  # of the largest distance of a point on the link: rounding errors
 _POSE_NUMBERS = 12  # position 3, rotation 9
 

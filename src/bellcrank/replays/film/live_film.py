@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.elements.symbols import Symbols
 from bellcrank.files import bundled_data
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from bellcrank.replays.film.film import Film
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Command = dict[str, Any] | None
 MOST_BYTES = 400_000  # that computing adds to a page without being asked for
 NOT_RECOMPUTED = (

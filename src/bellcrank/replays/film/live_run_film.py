@@ -8,8 +8,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Indices
 from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.equations.assembly import Assembly
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 ENGINE = 62_000  # bytes of the integrator, deflated
 ROWS = 2000  # of a run that a page computes, at least: two for each pixel of a plot
 COMPARED = 33  # rows that the page compares on opening
@@ -115,7 +114,7 @@ class _Places(ShownExpressions):
         self.add_shapes(a.symbols, dict(scene.parameters))
         return self.all()
 
-    def _add(self, value: casadi.SX) -> NDArray[np.intp]:
+    def _add(self, value: casadi.SX) -> Indices:
         """The places (1, n) of an expression."""
         first = self.add(value)
         return np.arange(first, self.size)[None]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.mode import Mode
 from bellcrank.analysis.symmetries import project
+from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.constraints.constraint_rows import velocity_units
 from bellcrank.dynamics.postures.consistent_start import displaced
 from bellcrank.errors import InputError
@@ -24,7 +24,6 @@ from bellcrank.version import version
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 SECONDS = 6.0  # of the film for each mode
 PERIODS = 3  # of an oscillation in that time
 SAMPLES = 120  # postures of each mode
@@ -121,7 +120,7 @@ def _postures(scene: Scene, linear: Linearisation, mode: Mode) -> tuple[Array, f
     return np.tile(linear.position, (SAMPLES, 1)), 0.0
 
 
-def _course(mode: Mode) -> NDArray[np.complex128]:
+def _course(mode: Mode) -> Complex:
     """The mode's factor (SAMPLES,) over its time in the film, at most 1."""
     share = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
     real, imaginary = mode.eigenvalue.real, mode.eigenvalue.imag

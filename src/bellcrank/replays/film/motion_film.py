@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
 # ---- Time series of joints and motors over motions, sampled so that linear interpolation between rows is accurate.
 
-Array = NDArray[np.float64]
 Function = Callable[[Array, Array, Array, Array], Sequence[Array]]  # t, q, v, a -> tables (n, lines), one a group
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.motion.kinematics.quaternions import rotate
@@ -26,7 +26,6 @@ from bellcrank.terminal.progress import share_bar
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 MOST_LEAVES = 2  # links without children that are traced by default
 _TIPS = ("tip", "tool0", "tool", "tcp", "ee", "ee_link", "end_effector", "flange")
 _TIP = re.compile(r"(^|_)(tip|tool0?|tcp|ee|end_?effector)($|_)", re.IGNORECASE)

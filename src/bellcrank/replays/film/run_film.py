@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.joint_forces import JointSpring
 from bellcrank.elements.joint_stops import GearContact
@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory.events import Event
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 MOST_TURN = 1.0  # rad between rows: below it quintics are accurate to 2e-5 of a body's size at a constant rate
 FIRST_FACTS = ("ended", "not known", "warning", "note")
 MOST_EVENTS = 200

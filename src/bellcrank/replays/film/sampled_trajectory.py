@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.motion.kinematics.quaternions import from_matrices, make_continuous
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.parameters import Parameter
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 MOST_HALVINGS = 12  # of the step between two rows
 MOST_PARTS = 1000  # of the step between two rows, if joints turn many times in it
 MOST_ADDED = 100_000  # rows, approximately: a run that diverges would need any number of them

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue import load_catalogue
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.motion.kinematics.quaternions import from_matrices
 from bellcrank.replays.film.film import BodyLayer, Film
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from bellcrank.sizing.selection.axis_loads import DrivenAxis
     from bellcrank.sizing.selection.selection import Candidate, Selection
 
-Array = NDArray[np.float64]
 MOTOR_COLOUR: Colour = (0.0, 0.45, 0.70, 1.0)
 GEAR_COLOUR: Colour = (0.90, 0.62, 0.0, 1.0)
 LINK_OPACITY = 0.3  # motors and gears are inside the links

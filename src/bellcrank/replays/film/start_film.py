@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.postures.start_diagnosis import APART, Gap
 from bellcrank.elements.loop_constraints import Loop
 from bellcrank.motion.kinematics.quaternions import rotate
@@ -26,7 +26,6 @@ from bellcrank.version import version
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 FIRST_SIDE: Colour = (0.85, 0.1, 0.1, 1.0)
 SECOND_SIDE: Colour = (0.1, 0.3, 0.9, 1.0)
 UP = np.array([0.0, 0.0, 1.0])

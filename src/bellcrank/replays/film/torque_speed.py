@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.sampled.resampling import ranges
 from bellcrank.replays.film.charts import kept_rows
 from bellcrank.replays.film.film import XYPlot
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot, RobotJoint
     from bellcrank.sizing.joint_sizing import JointSizing
 
-Array = NDArray[np.float64]
 Limits = tuple[tuple[str, Array], ...]
 RPM = 30.0 / math.pi
 MOST_RMS_POINTS = 3  # motions with a point each; of more motions, the one with the largest RMS torque has a point

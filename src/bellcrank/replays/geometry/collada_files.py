@@ -14,14 +14,13 @@ from urllib.parse import unquote
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.replays.geometry.colours import GREY, Colour, Textures, clip_colour
 from bellcrank.replays.geometry.mesh_limits import MOST_TEXTURES, MeshError, ReadReferenced, too_many
 from bellcrank.robot.formats.xml_tree import decoded
 
-Array = NDArray[np.float64]
 MOST_POINTS = 50_000_000  # vertices of all instances of a file's meshes
 MOST_ELEMENTS, MOST_DEPTH = 400_000, 250
 MOST_USES = 200_000  # instances of nodes and shapes in a scene

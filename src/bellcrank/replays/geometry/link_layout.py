@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.rotations import from_rpy
 
 if TYPE_CHECKING:
     from bellcrank.robot.formats.urdf_file import Joint, Urdf
 
-Array = NDArray[np.float64]
 
 DEFAULT_SCALE = 0.5  # m, of a robot whose joints all coincide
 

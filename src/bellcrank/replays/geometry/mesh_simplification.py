@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from bellcrank.arrays import Array, Mask
+
 Numbers = NDArray[np.int64]
 
 MOST_ROUNDS = 400
@@ -102,7 +103,7 @@ class _Edges:
     def pairs(self) -> Numbers:
         return np.stack([self.keys >> 32, self.keys & (2**32 - 1)], axis=1)
 
-    def after(self, vertices: Array, quadrics: Array, faces: Numbers, changed: NDArray[np.bool_]) -> _Edges:
+    def after(self, vertices: Array, quadrics: Array, faces: Numbers, changed: Mask) -> _Edges:
         """The edges of these faces; places and costs are computed again only where an end has changed."""
         keys = np.sort(_edge_keys(faces)[0])
         keys = keys[np.diff(keys, prepend=-1) > 0]
@@ -117,7 +118,7 @@ class _Edges:
         return edges
 
 
-def _proper(faces: Numbers) -> NDArray[np.bool_]:
+def _proper(faces: Numbers) -> Mask:
     a, b, c = faces.T
     return (a != b) & (b != c) & (c != a)  # type: ignore[no-any-return]
 
@@ -198,7 +199,7 @@ def _cost(q: Array, p: Array) -> Array:
     return squares + 2.0 * products + q[:, 9]  # type: ignore[no-any-return]
 
 
-def _apart(pairs: Numbers, faces: Numbers, count: int) -> NDArray[np.bool_]:
+def _apart(pairs: Numbers, faces: Numbers, count: int) -> Mask:
     """Which pairs (k,), sorted by cost, come first among all pairs at the faces around them: these are independent."""
     rank = np.arange(len(pairs))
     lowest = np.full(count, len(pairs))
@@ -211,7 +212,7 @@ def _apart(pairs: Numbers, faces: Numbers, count: int) -> NDArray[np.bool_]:
     return (around[pairs] == rank[:, None]).all(axis=1)  # type: ignore[no-any-return]
 
 
-def _turns_nothing(vertices: Array, faces: Numbers, pairs: Numbers, places: Array) -> NDArray[np.bool_]:
+def _turns_nothing(vertices: Array, faces: Numbers, pairs: Numbers, places: Array) -> Mask:
     """Which collapses turn over none of the remaining faces."""
     collapse = np.full(len(vertices), -1)
     collapse[pairs.ravel()] = np.repeat(np.arange(len(pairs)), 2)

@@ -19,6 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, read_bytes
@@ -31,8 +32,6 @@ from bellcrank.replays.geometry.stl_obj_files import mtl_textures, obj_libraries
 from bellcrank.robot.formats.mesh_path import find_beside
 
 # ---- Mesh files (STL, OBJ, COLLADA) as triangles, one part for each colour.
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

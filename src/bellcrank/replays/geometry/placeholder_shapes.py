@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.quaternions import from_matrices
 from bellcrank.replays.geometry.colours import Colour
 from bellcrank.replays.geometry.link_layout import LinkLayout, transform
 from bellcrank.replays.geometry.shapes import DrawnShape, Pose, triple
-
-Array = NDArray[np.float64]
 
 ROD_RADIUS, PIN_RADIUS, PIN_LENGTH, SLIDER = 0.018, 0.03, 0.1, (0.06, 0.06, 0.12)  # of the robot's scale
 THICKEST_ROD = 0.12  # radius over length, which keeps the rods of small fingers thin

@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.quaternions import rotate
 from bellcrank.replays.geometry.colours import Colour
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 Pose = tuple[float, float, float, float, float, float, float]
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.replays.geometry.colours import Colour, Textures, clip_colour
 from bellcrank.replays.geometry.mesh_limits import (
     MOST_FACES,
@@ -23,7 +23,6 @@ from bellcrank.replays.geometry.mesh_limits import (
     too_many,
 )
 
-Array = NDArray[np.float64]
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes before the facets: text and the number of facets
 _SOLID = re.compile(rb"^[ \t]*(?:end)?solid[^\r\n]*", re.MULTILINE)  # with its name, which may be "vertex"

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.signals import Signal
 from bellcrank.errors import InputError, NotSavedError
@@ -52,7 +52,6 @@ from bellcrank.simulation.trajectory.trajectory import Trajectory
 if TYPE_CHECKING:
     from bellcrank._step import StepBlock
 
-Array = NDArray[np.float64]
 CHECKPOINT_EVERY, LONGEST_BETWEEN_CHECKPOINTS = (
     5.0,
     1e6,

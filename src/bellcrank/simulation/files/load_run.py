@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.elements.signals import Signal
 from bellcrank.files.access import FileAccess, Trust
@@ -22,8 +22,6 @@ from bellcrank.simulation.integration.drive_gains import tuned
 from bellcrank.simulation.integration.integration import repeat_run, until_turned_over
 from bellcrank.simulation.trajectory.events import event_at
 from bellcrank.simulation.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @arguments.named

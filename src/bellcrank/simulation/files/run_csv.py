@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arguments import Progress
+from bellcrank.arrays import Array
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.files.csv_files import write_table
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 
 def write_run_csv(run: Trajectory, path: str | Path, progress: Progress | None = None) -> Path:

@@ -13,8 +13,8 @@ from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
@@ -139,7 +139,6 @@ def _refuse(name: str, expected: str, value: object) -> NoReturn:
     raise ValueError(f"'{name}': expected {expected}, found {brief(value)}")
 
 
-Array = NDArray[np.float64]
 UNIT = 1e-6  # by which the length of a unit vector in the state may differ from 1; the solver keeps it to rounding
 SAME = 1e-9  # relative difference of a number that the file holds twice
 

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator_fields import actuator_data, drive_data
+from bellcrank.arrays import Array
 from bellcrank.codegen import llvm as machine
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.elements.expression_constraint import FunctionConstraint
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.events import Event
     from bellcrank.simulation.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def save_run(run: Trajectory, path: str | Path, lasting: bool = False) -> Path:

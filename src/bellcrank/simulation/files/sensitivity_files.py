@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.files.atomic_write import writing
 from bellcrank.files.csv_files import write_table
@@ -16,8 +15,6 @@ from bellcrank.simulation.files.run_csv import output_labels
 
 if TYPE_CHECKING:
     from bellcrank.simulation.sensitivities.sensitivities import RunSensitivity
-
-Array = NDArray[np.float64]
 
 
 def write_csv(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path:

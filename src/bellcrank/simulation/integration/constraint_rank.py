@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 from bellcrank.numerics import checked, eigenvectors, svd
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.equations.compiled_equations import System
 
-Array = NDArray[np.float64]
 MASSLESS = 1e-6  # of a coordinate's own inertia: the least that a motion counts with
 LOST = 1e-8  # of the largest singular value: smaller ones count as 0
 
@@ -32,7 +31,7 @@ class ConstraintRank:
 
     singular_values: Array
     rank: int
-    unique: NDArray[np.bool_]
+    unique: Mask
 
     @classmethod
     def of_none(cls) -> ConstraintRank:

@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.cached_values import computed_once
 from bellcrank.dynamics.inverse.drive_loops import DriveEquations, DriveLoop, refuse_nonlinear, smooth_scene
@@ -35,7 +34,6 @@ from bellcrank.scene.outputs import Output
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 GAIN_MARGIN, PHASE_MARGIN = 2.0, math.radians(30.0)
 SLOWER = 1.25  # T is raised by this factor
 MOST_STEPS = 40

@@ -6,11 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bellcrank._step import has_lanes
 from bellcrank._step import integrate_ensemble as integrate_in_lanes
+from bellcrank.arrays import Array
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.codegen.machine_code import raise_failure
@@ -23,8 +21,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.equations.compiled_equations import System
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.simulation.integration.integration_problem import (
     EventSearch,
     HeldEntries,
@@ -20,7 +21,6 @@ from bellcrank.simulation.integration.integration_problem import (
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
@@ -120,7 +120,7 @@ class EnsembleResult:
         seconds: Computing time of the call.
     """
 
-    done: NDArray[np.bool_]
+    done: Mask
     status: Whole
     end_time: Array
     end_state: Array
@@ -138,5 +138,5 @@ class EnsembleResult:
     accepted: Whole
     rejected: Whole
     evaluations: Whole
-    single: NDArray[np.bool_]
+    single: Mask
     seconds: float

@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen.compile import make_ready
 from bellcrank.dynamics.equations.system import system_of
@@ -24,7 +24,6 @@ from bellcrank.simulation.integration.integration_problem import HeldEntries
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 Update = Callable[[float, Array, Array], Array]  # (t, x, values) -> the values after it
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from weakref import ref
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import PreparedProblem
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import Compiled, make_ready
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.files.checkpoints import CheckpointWriter
 
-Array = NDArray[np.float64]
 LEAST_ATOL = 1e-100  # a smaller one changes nothing, and squares of its fractions would underflow
 BATCH_OUTPUTS = 32  # from so many outputs on they are projected many at a time
 AT_STOP = 1e-9  # rad or m, or of the stop's place, by which a start may be beyond a stop by rounding

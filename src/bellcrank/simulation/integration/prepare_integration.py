@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
 from bellcrank.codegen.llvm import target_name
 from bellcrank.dynamics.equations.system import system_parameters
@@ -20,7 +20,6 @@ from bellcrank.simulation.integration.baumgarte_gains import automatic_gains
 from bellcrank.simulation.integration.drive_gains import tuned
 from bellcrank.simulation.integration.integration import Integration, RunRows, prepared_integration
 
-Array = NDArray[np.float64]
 RECENT = 4  # integrations of a scene that are kept for the next call
 
 

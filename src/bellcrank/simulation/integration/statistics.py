@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
+
 if TYPE_CHECKING:
     from bellcrank._step import StepBlock, StepResult
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.trajectory.events import Event
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 GRAZING = 1e-9  # of the changes of an event function: below this rate it touches zero and does not cross it
 
 
@@ -50,7 +49,7 @@ class ComputedSensitivities:
     rows: Array
     event_times: Array
     event_rows: Array
-    by_differences: NDArray[np.bool_]
+    by_differences: Mask
     steps: int
     kernel_time: float
     evaluations: int

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import propagate_sensitivities
+from bellcrank.arrays import Array
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import make_ready
 from bellcrank.codegen.machine_code import raise_failure
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 
 # ---- What the integrator of sensitivities is given, as typed records (src/cpp/integrator/sensitivities.cpp).
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank._step import methods
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.settings import FINEST_RTOL
 from bellcrank.simulation.integration.status import Status
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 SAME_END = 1e-6  # of its duration: by so much a repeated run may end earlier, at an event, and still be compared
 FINER = 0.01  # of the tolerances
 # factors of the regularisation, and by what the difference is divided; measured on the N four-bars
@@ -103,7 +102,7 @@ def _compared(run: Trajectory, again: Trajectory, parts: float, bounds: Array) -
     return Accuracy(_largest_difference(run, again) / parts, _known_until(run, within))
 
 
-def _known_until(run: Trajectory, within: NDArray[np.bool_]) -> float:
+def _known_until(run: Trajectory, within: Mask) -> float:
     """The last time of a run up to which all errors (n, nq), at its first n times after 0, are within their bounds."""
     rows = np.asarray(within.all(axis=1))
     count = len(rows) if rows.all() else int(np.argmin(rows))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.signals import values_at
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 NO_SIGNALS: Array = np.zeros(0)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.motion.coordinates import from_rates, rates
 from bellcrank.motion.sampled.hermite import smooth_between
@@ -16,7 +17,7 @@ from bellcrank.motion.sampled.resampling import before
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
-    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 SMALL_JUMP = 1e-9  # of a signal's largest value: smaller jumps are rounding
 MOST_JUMPS = 20_000  # of a run

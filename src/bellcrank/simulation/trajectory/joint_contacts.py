@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.elements.drives import BUS
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction
 from bellcrank.elements.joint_stops import JointStop
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.drives import Drive
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 AT_LIMIT = 1.0 - 1e-9  # of a drive's command: what a sampled servo holds is cut off at its limit
 SHOWN = 4  # intervals or impacts of a joint in a summary
 
@@ -191,7 +190,7 @@ def _told(run: Trajectory, found: Array) -> str:
     return f"for {float(np.sum(found[:, 1] - found[:, 0])):.6g} s: {', '.join(listed)}{more}"
 
 
-def _intervals(run: Trajectory, time: Array, rest: NDArray[np.bool_]) -> Array:
+def _intervals(run: Trajectory, time: Array, rest: Mask) -> Array:
     padded = np.concatenate([[False], rest, [False]])
     edges = np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
     found = np.clip(time[edges], run.time[0], run.time[-1])

@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.simulation.integration.status import Status
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 EACH = 8  # reported one by one; the others are listed in one clause
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2)  # of the duration: how far behind the last state a cause is looked for
@@ -85,8 +84,8 @@ def _joint(run: Trajectory, what: str, column: int) -> str:
 def _count(tallies: dict[str, _Tally], run: Trajectory, key: str, name: Callable[[int], str], rows: Array) -> None:
     """Count the rows of a block in which a quantity is not finite."""
     table = rows.reshape(len(run), -1)
-    entries: NDArray[np.bool_] = ~np.isfinite(table)
-    bad: NDArray[np.bool_] = np.asarray(entries.any(axis=1))
+    entries: Mask = ~np.isfinite(table)
+    bad: Mask = np.asarray(entries.any(axis=1))
     if not bad.any():
         return
     row = int(bad.argmax())
@@ -105,7 +104,7 @@ def _events(run: Trajectory) -> Iterator[tuple[str, str]]:
     if not run.scene.events:
         return
     steps = {it.event: it for it in run.statistics.unresolved if it.undefined}
-    rows: NDArray[np.bool_] = np.vstack([np.isnan(part.event_values) for part in run.parts()])
+    rows: Mask = np.vstack([np.isnan(part.event_values) for part in run.parts()])
     for k, rule in enumerate(run.scene.events):
         bad = rows[:, k]
         if rule.name in steps:
@@ -157,7 +156,7 @@ def causes(
         states = (state[:, None] + ahead[:, :, None] * rate[:, None]).reshape(count * steps, -1)
         inputs = np.hstack([values_at(signals, times), np.repeat(held, steps, axis=0)])
         arguments = times[:, None], states, inputs, np.repeat(p, steps, axis=0)
-        found: list[tuple[NDArray[np.bool_], list[str]]] = []
+        found: list[tuple[Mask, list[str]]] = []
         if scene.constraints:
             _, gap, speed = system.constraint(*arguments)
             bad = ~np.isfinite(speed)

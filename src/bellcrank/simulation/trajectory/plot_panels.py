@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.motion.sampled.resampling import BETWEEN, SHARE, extreme_rows, ranges, refined
 from bellcrank.simulation.files.run_csv import output_labels, titled, torque_unit
 from bellcrank.simulation.trajectory.interpolation import between, with_jumps
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 CONSERVED = 1e-8  # of the largest value of a unit: conserved sums are not known better between rows
 LEFT_OUT = 100  # rows that are left out to test whether a line is smooth between rows
@@ -193,7 +193,7 @@ def shown_unit(unit: str) -> str:
     return unit.replace("^2", "²") or "1"
 
 
-def _better_curved(run: Trajectory, table: Array, bound: Array) -> NDArray[np.bool_]:
+def _better_curved(run: Trajectory, table: Array, bound: Array) -> Mask:
     """Whether smooth interpolation between rows is better than straight lines, for each line.
 
     It is tested by leaving out every other row: smooth interpolation must have a smaller error in most of those where

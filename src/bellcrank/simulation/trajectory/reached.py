@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.notes import Note
 from bellcrank.robot.formats.robot_file import ContactShape
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 LIMIT_TOLERANCE = 1e-9  # rad, or of the larger end of a range in m, by which a joint may pass its limit
 TOUCH = 1e-6  # m, by which a shape may be below a floor
 SLIDING = 3.0  # widths of the smoothed friction: slower joints would be held
@@ -154,7 +153,7 @@ def _friction_width(run: Trajectory, joint: str, v: int) -> float:
     return max(widths, default=0.0)
 
 
-def _longest_way(steps: Array, held: NDArray[np.bool_]) -> tuple[float, int]:
+def _longest_way(steps: Array, held: Mask) -> tuple[float, int]:
     """The longest way of a stretch of rows where the joint would be held, and the row where it begins."""
     best, begin, way = (-math.inf, 0), 0, 0.0
     for k, (step, on) in enumerate(zip(steps.tolist(), held.tolist(), strict=True)):

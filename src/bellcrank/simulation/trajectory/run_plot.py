@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.plot_style import (
     DASHES,
     PALETTE,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 NAMED = 8  # lines of a panel with a colour and a name; the others, which change less, are thin and grey
 CONSTANT = 1e-6  # relative change below which a line is drawn as constant

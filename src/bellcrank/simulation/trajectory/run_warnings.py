@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.signals import values_at
 from bellcrank.simulation.trajectory.error_estimate import DRIFTED, departure
 
 if TYPE_CHECKING:
-    from bellcrank.simulation.trajectory.trajectory import Array, Trajectory
+    from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 LARGEST_RESIDUAL, LARGEST_DRIFT = 1e-6, 1e-3  # relative, above which a run is not to be trusted
 LARGEST_CONSTRAINT_RESIDUAL = 1e-3  # rad, or of the mechanism's characteristic length

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.equations.system import start_states, system_of, system_parameters
 from bellcrank.dynamics.inverse.path_geometry import path_notes
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
-Array = NDArray[np.float64]
 MOVING = 1e-4  # of a motion's largest speed: slower counts as at rest
 OVERSHOOT = 3.0  # times the range of a table's values: so far a cubic spline may overshoot without a note
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along, full_angle_residuals
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
     from bellcrank.scene.settings import Settings
 
-Array = NDArray[np.float64]
 UNITS = {"[N]": "m", "[N m]": "rad"}  # of a residual, by the unit of its multiplier
 # Rows of a block: about BLOCK_NUMBERS numbers of the state, a multiple of LEAST_ROWS and so of the SIMD lanes, so that
 # every row has the same bits as if all rows were computed at once.
@@ -55,7 +54,7 @@ class StateHistory(Portable):
 
     # ---- rows
 
-    def part(self, rows: slice | NDArray[np.intp]) -> Self:
+    def part(self, rows: slice | Indices) -> Self:
         """Select rows.
 
         Args:

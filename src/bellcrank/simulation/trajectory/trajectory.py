@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.arguments import Progress
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.sensitivities.sensitivities import ComputedSensitivities, RunSensitivity
     from bellcrank.simulation.trajectory.error_estimate import Accuracy
 
-Array = NDArray[np.float64]
 
 AT_REST = 1e-12  # of the energies: what changes less is rounding
 

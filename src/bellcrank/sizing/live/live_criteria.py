@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.expression_array import ExpressionArray, expressions
 from bellcrank.sizing.drive_verdicts import pair_of
@@ -46,7 +46,6 @@ from bellcrank.sizing.selection.short_time_criteria import PeakCurve, PeakDurati
 if TYPE_CHECKING:
     import casadi
 
-Array = NDArray[np.float64]
 OF_POINTS: tuple[Criterion, ...] = (PeakCurrent(), VoltageLimit(), PeakCurve())
 OF_REDUCTIONS: tuple[Criterion, ...] = (
     *GEAR_CRITERIA, MotorSpeed(), ContinuousTorqueCriterion(), PeakTorque(), MotorType(), NominalVoltage(),

@@ -10,8 +10,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.elements.symbols import Symbols
 from bellcrank.motion.coordinates import continuous, rates
 from bellcrank.motion.motion import Motion
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from bellcrank.robot.robot import Robot
 
-Array = NDArray[np.float64]
 ACCURATE = 2e-10  # of the largest position, speed, acceleration of all joints: joints that accelerate less see more
 ROUNDED = 1e-14  # of the largest position: between two rows close together its rounding shows in the accelerations
 AT_ROWS = 0.1  # of that rounding: errors at the rows themselves that it hides

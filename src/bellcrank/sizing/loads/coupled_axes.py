@@ -8,16 +8,15 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.loads.joint_loads import JointLoads
 
-Array = NDArray[np.float64]
 ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # of the terms of a sum
 
 

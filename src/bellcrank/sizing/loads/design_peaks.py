@@ -16,12 +16,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.actuators.short_time_limits import curve_use
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
@@ -40,8 +40,7 @@ from bellcrank.sizing.loads.motion_grid import (
 from bellcrank.sizing.loads.series_maxima import MaximaSearch
 from bellcrank.sizing.loads.waypoint_states import OwnGrid
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
+Whole = Indices
 Index = Any  # what selects designs or motors: numbers, or arrays of them
 Torques = Callable[[Array, Array, Array, Array, Array], Array]  # (t, q, v, a, p) -> (n, k)
 LARGEST = 1e100  # N m or N, as in inverse dynamics: larger torques are not used
@@ -64,7 +63,7 @@ class DesignInputs:
 
     parameters: Array
     states: MotionStates
-    joints: NDArray[np.intp]
+    joints: Indices
     actuators: tuple[Actuator, ...]
     ratings: Mapping[str, Array]
     rotor_inertia: Array
@@ -73,7 +72,7 @@ class DesignInputs:
         return len(self.parameters)
 
     @property
-    def _each(self) -> NDArray[np.intp]:
+    def _each(self) -> Indices:
         return np.tile(np.arange(len(self.actuators)), (len(self), 1))
 
     @cached_property
@@ -132,7 +131,7 @@ class DesignPeaks:
     curve_use: Array
     rms_torque: Array
     rms_shaft_torque: Array
-    finite: NDArray[np.bool_]
+    finite: Mask
 
 
 class DesignMotion:

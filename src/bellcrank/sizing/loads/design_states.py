@@ -6,16 +6,15 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import cached_property
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.hermite import quintic
 from bellcrank.sizing.loads.motion_grid import Grid
 from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
+Whole = Indices
 States = tuple[Array, Array, Array]  # q, v, a
 
 

@@ -8,14 +8,13 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing
 
-Array = NDArray[np.float64]
 REMEDY = "so the motor cannot be sized; check the masses, lengths, forces, actuator and accelerations there"
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.sizing.result import Sizing
-
-
-Array = NDArray[np.float64]
 
 
 class SizingInputs(NamedTuple):

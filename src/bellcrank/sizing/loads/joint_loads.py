@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.arrays import Array
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.robot.robot import RobotJoint
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

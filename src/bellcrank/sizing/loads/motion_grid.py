@@ -15,12 +15,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
 
-Array = NDArray[np.float64]
 Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
 
 FINEST = 300  # parts of a whole motion that the grid has at least
@@ -54,7 +53,7 @@ class Grid:
     velocity: Array
     acceleration: Array
     weight: Array
-    part: NDArray[np.intp]
+    part: Indices
     sides: Sides
 
     def at(self, motion: Motion, time: Array) -> tuple[Array, Array, Array]:

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks, with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
@@ -22,7 +22,6 @@ from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times,
 from bellcrank.sizing.loads.series_maxima import Maxima, maxima, on_grid
 from bellcrank.sizing.loads.structure_loads import StructureLoad, peaks_on_grid, structure_loads
 
-Array = NDArray[np.float64]
 TOLERATED = 0.02  # of a peak: it may exceed that at the rows, and another sampling may change it, by this
 NOTHING = 1e-6  # of the largest peak of all joints: smaller ones are not compared
 FEW = 12  # rows: fewer do not say whether they are noisy

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from bellcrank.arrays import Array, Indices
+
 STILL = 1e-9  # rad/s or m/s: the sign of a slower speed is rounding, unless it comes to rest steadily
 LASTING = 1e-6  # of a motion's duration: shorter stretches of slower speeds are reversals, not rest
 ONE_SIDE = 1e-30  # so small that neither forces nor powers change
@@ -35,7 +35,7 @@ class Sides:
     velocity: Array
 
     @classmethod
-    def of(cls, begin: float, end: Array, first: NDArray[np.intp], velocity: Array) -> Self:
+    def of(cls, begin: float, end: Array, first: Indices, velocity: Array) -> Self:
         """Parts between times `begin` and `end` (m,), s, from velocities (n, nv) of which those of a part begin at
         `first` (m,). A joint rests where all of its speeds in parts of a finite time are below `STILL`; a shorter
         stretch belongs to the part before it, at the start of the motion to the one after it. A joint that comes to

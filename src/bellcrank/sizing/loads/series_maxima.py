@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.motion.motion import Motion
 from bellcrank.sizing.loads.motion_grid import Grid, blocks
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
+Whole = Indices
 Values = Callable[[Whole, Whole, Array], Array]  # (designs (m,), series (m,), times (m,)) -> values (m,)
 Quantities = Callable[[Array, Array, Array, Array], Mapping[str, Array]]  # (t, q, v, a) -> name: (n, k)
 
@@ -189,7 +188,7 @@ def vertex_of(time: Array, value: Array) -> tuple[Array, Array]:
     return time[:, 1] + step, np.where(good, gain, np.inf)
 
 
-def _probes(time: Array, vertex: Array, even: NDArray[np.bool_]) -> Array:
+def _probes(time: Array, vertex: Array, even: Mask) -> Array:
     """Three times (b, 3) in each bracket at which its series is evaluated."""
     low, high = time[:, :1], time[:, 2:]
     width = high - low

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.sizing.joint_sizing import Peak, largest_peak
 from bellcrank.sizing.loads.motion_grid import Grid, blocks
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

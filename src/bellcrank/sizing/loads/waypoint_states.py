@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.motion.generators.waypoints import interpolate
 from bellcrank.motion.sampled.hermite import quintic_powers
@@ -22,7 +22,6 @@ from bellcrank.sizing.loads.motion_grid import BISECTIONS, FINEST, NODES, WEIGHT
 from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
 from bellcrank.sizing.loads.series_maxima import MaximaSearch
 
-Array = NDArray[np.float64]
 SIMPSON = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0  # at NODES
 PARTS = 16  # between two waypoints, at least: torques change there as fast as the spline
 FINE = 0.25  # of a motion's longest parts: shorter ones of the scene's grid, where torques change fast, are kept
@@ -95,7 +94,7 @@ class WaypointStates:
     # ---- grids
 
     @cached_property
-    def _edges(self) -> list[tuple[Array, NDArray[np.bool_]]]:
+    def _edges(self) -> list[tuple[Array, Mask]]:
         return self._with_reversals([self._mapped(own) for own in self.knots])
 
     def _mapped(self, own: Array) -> Array:
@@ -103,7 +102,7 @@ class WaypointStates:
         found = np.interp(*self._base, own)
         return np.append(divided(found[:-1], np.diff(found), float(own[-1] - own[0])), own[-1])
 
-    def _with_reversals(self, each: list[Array]) -> list[tuple[Array, NDArray[np.bool_]]]:
+    def _with_reversals(self, each: list[Array]) -> list[tuple[Array, Mask]]:
         """Edges of each design, and which of them are reversals, or ends of rest."""
         design = np.repeat(np.arange(len(each)), list(map(len, each)))
         time = np.concatenate(each)

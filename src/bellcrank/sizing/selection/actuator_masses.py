@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Array, Indices
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.joint_problem import UNKNOWN_MASS
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

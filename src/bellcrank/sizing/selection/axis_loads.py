@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, UnitBodyLoads
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +87,7 @@ class LoadCycle:
     duration: float
     time: Array
     weight: Array
-    interval: NDArray[np.intp]
+    interval: Indices
     sequence: tuple[tuple[int, int, int], ...]
     torque: Array
     static_torque: Array
@@ -139,7 +137,7 @@ class AxisLoads:
 
     axes: tuple[DrivenAxis, ...]
     cycles: tuple[LoadCycle, ...]
-    influence: NDArray[np.bool_]
+    influence: Mask
     terms: tuple[CycleTerms, ...]
     warnings: tuple[str, ...] = ()
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, checked_transmissions
 from bellcrank.actuators.mount import Mount, checked_mounts
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import InputError
@@ -23,8 +23,6 @@ from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, Un
 from bellcrank.sizing.selection.cycle_transitions import transition_notes
 from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles
 from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics, States
-
-Array = NDArray[np.float64]
 
 
 def axis_loads(
@@ -285,7 +283,7 @@ def _starts(plan: PlannedCycle) -> list[float]:
     return [starts[number] for number in range(len(plan.parts))]
 
 
-def _influence(k: int, terms: Sequence[CycleTerms]) -> NDArray[np.bool_]:
+def _influence(k: int, terms: Sequence[CycleTerms]) -> Mask:
     """Whether a body at the mount of axis j (column) changes a load of axis i (row) anywhere."""
     found = np.zeros((k, k), dtype=bool)
     for cycle in terms:

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.actuator_masses import Bodies, bodies_of
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.pairs import Pairs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

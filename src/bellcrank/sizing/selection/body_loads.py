@@ -18,15 +18,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.numerics import products
 from bellcrank.sizing.selection.mounted_bodies import BodyMotion, MountedBody, MountKinematics, States
 from bellcrank.sizing.selection.tree_kinematics import JointMotion
-
-Array = NDArray[np.float64]
 
 
 class AxisLoadSamples(NamedTuple):
@@ -51,7 +49,7 @@ class UnitBodyLoads(NamedTuple):
     torque (n, a) is that of the mass.
     """
 
-    axes: NDArray[np.intp]
+    axes: Indices
     torque: Array
     static_torque: Array
     axial_force: Array
@@ -185,7 +183,7 @@ class LoadModel:
             inertia=_felt_inertias(shares @ transposed, motion.axis),
         )
 
-    def _affected(self, body: MountedBody) -> NDArray[np.intp]:
+    def _affected(self, body: MountedBody) -> Indices:
         """The axes whose loads a body changes: all of a linkage, those below it in an open chain."""
         if not body.columns:
             return np.zeros(0, dtype=np.intp)
@@ -195,7 +193,7 @@ class LoadModel:
         return np.flatnonzero((self._force[:, below] != 0.0).any(axis=1))
 
     def _tree_wrenches(
-        self, body: MountedBody, point: Array, wrench: Array, joints: Sequence[JointMotion], axes: NDArray[np.intp]
+        self, body: MountedBody, point: Array, wrench: Array, joints: Sequence[JointMotion], axes: Indices
     ) -> Array:
         """The wrenches (n, a, 6, 3) that wrenches (n, 6, 3) at the body's point cause through the joints of some axes,
         in the joints' own frames; 0 for a joint that is not between the body and the world.
@@ -232,7 +230,7 @@ class LoadModel:
         every = self.mechanism.constraint_wrenches(*states[:3], multipliers)
         return every[:, [self._places[joint] for joint in self._single]]
 
-    def _bearing(self, wrench: Array, axes: NDArray[np.intp]) -> tuple[Array, Array]:
+    def _bearing(self, wrench: Array, axes: Indices) -> tuple[Array, Array]:
         """Axial force (n, a, u) and moment across the axis (n, a, 3, u) of wrenches (n, a, 6, u) through the joints of
         some axes.
         """

@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.criteria import CriterionResult
@@ -34,7 +34,6 @@ from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.ranking import failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 
-Indices = NDArray[np.intp]
 TierCount = tuple[Tier, int]
 AT_ONCE = 2**17  # pairs judged together, so that memory does not grow with the catalogue
 

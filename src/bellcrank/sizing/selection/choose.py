@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.advice import advice_for
 from bellcrank.sizing.selection.candidates import axis_selection, without_mass
@@ -17,7 +17,7 @@ from bellcrank.sizing.selection.joint_search import SearchResult, best_combinati
 from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
 from bellcrank.sizing.selection.matching_criteria import COMMON_BUS
 from bellcrank.sizing.selection.pareto_search import pareto_front
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, RankKeys, total
+from bellcrank.sizing.selection.ranking import NOT_JUDGED, RankKeys, total
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 from bellcrank.sizing.selection.system_criteria import judge_system
 
@@ -204,7 +204,6 @@ def _names(names: list[str]) -> str:
 
 # ---- The best combination whose motors suit one bus, where the voltage of the bus is not given.
 
-Bools = NDArray[np.bool_]
 ROUNDING = 1e-12  # of a voltage
 
 
@@ -222,7 +221,7 @@ class OneBus:
     lowest: float
 
     @property
-    def influence(self) -> Bools:
+    def influence(self) -> Mask:
         """As of all pairs."""
         return self.problem.influence
 
@@ -247,7 +246,7 @@ class OneBus:
         return self.problem.effort
 
     @cached_property
-    def permitted(self) -> list[Bools]:
+    def permitted(self) -> list[Mask]:
         """Per axis whether (m,) each pair is permitted."""
         highest = self.lowest * self.problem.common.voltage_ratio**2 * (1.0 + ROUNDING)
         found = []
@@ -264,7 +263,7 @@ class OneBus:
             for permitted, bounds in zip(self.permitted, self.problem.bounds, strict=True)
         ]
 
-    def keys(self, axis: int, masses: Masses, rows: Bools | None = None) -> RankKeys:
+    def keys(self, axis: int, masses: Masses, rows: Mask | None = None) -> RankKeys:
         """As of all pairs; those that are not permitted are not judged."""
         permitted = self.permitted[axis]
         found = self.problem.keys(axis, masses, permitted if rows is None else rows & permitted)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Mask
 from bellcrank.sizing.selection.criteria import Criterion, lacks
 from bellcrank.sizing.selection.judge import CRITERIA
 
@@ -67,6 +67,6 @@ def _asking(side: str, criterion: Criterion) -> list[int]:
     return [k for k, needed in enumerate(criterion.needs) if any(name.startswith(f"{side}.") for name in needed)]
 
 
-def _count(states: NDArray[np.bool_]) -> int | None:
+def _count(states: Mask) -> int | None:
     """The number of products (columns) that satisfy one of the alternatives (rows); None without any."""
     return int(states.any(axis=0).sum()) if len(states) else None

@@ -15,11 +15,11 @@ from functools import reduce
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.config.units import RPM
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
@@ -52,8 +52,6 @@ class CriterionResult:
         return asdict(self)
 
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 CycleUse = Callable[[Pairs, ReducedCycle, Conditions], Array]
 
 
@@ -113,20 +111,20 @@ class Criterion(ABC):
     def cycle_text(self, pair: Pairs, cycle: ReducedCycle, conditions: Conditions) -> str:
         """A sentence about one pair in one cycle."""
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Whether (m,) the criterion has a limit for each pair; otherwise it is a note."""
         return np.ones(len(pairs), dtype=bool)
 
-    def applies(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def applies(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Whether (m,) the criterion is judged for each pair, and not left to the user by ratings."""
         judged = self.judged(pairs, axis, conditions)
         return judged if self.of_ratings else np.asarray(judged & (pairs.of_motor("by_ratings") == 0.0))
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """Whether (m,) a bound that costs little shows that the utilisation in one cycle is at most a level (m,)."""
         return np.zeros(len(pairs), dtype=bool)
 
-    def below(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions, level: Array) -> Bools:
+    def below(self, pairs: Pairs, loads: ReducedLoads, conditions: Conditions, level: Array) -> Mask:
         """Whether (m,) bounds that cost little show that the utilisation is at most a level.
 
         Args:
@@ -241,7 +239,7 @@ class LimitCriterion(Criterion):
         """A load (m,) that costs little, which the load is not above: it shows a pass."""
         return None
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """By `most_demand`."""
         most = self.most_demand(pairs, cycle)
         if most is None:
@@ -356,7 +354,7 @@ def lacks(needed: tuple[str, ...], motor: Motor, gear: Gear) -> tuple[str, ...]:
 
 def cycles_of(
     pairs: Pairs, loads: ReducedLoads, conditions: Conditions, *, of_gear: bool = False
-) -> list[tuple[NDArray[np.intp] | slice, Pairs, tuple[ReducedCycle, ...]]]:
+) -> list[tuple[Indices | slice, Pairs, tuple[ReducedCycle, ...]]]:
     """Rows of pairs, these pairs, and their cycles: a gear with an efficiency over load has cycles of its own."""
     common = loads.with_safety_factor(conditions.safety_factor)
     curved = pairs.products.gear_arrays.efficiency_curve.known[pairs.gear]

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
 from bellcrank.motion.coordinates import continuous, position_labels, velocity_labels
 from bellcrank.motion.duty_program import DutyStep
@@ -17,7 +17,6 @@ from bellcrank.motion.motion import AT_REST, NOISE, POSITION_GAP, Motion
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
 
-Array = NDArray[np.float64]
 _LEFT_OUT = "the transition is not included in the loads"
 
 
@@ -50,7 +49,7 @@ def transition_notes(
     return tuple(dict.fromkeys(found))
 
 
-def _unlimited(mechanism: Mechanism) -> NDArray[np.bool_]:
+def _unlimited(mechanism: Mechanism) -> Mask:
     """Which positions (nq,) are angles of joints without limits, in which a whole turn changes nothing."""
     robot = mechanism.robot
     unlimited = np.zeros(robot.nq, dtype=bool)
@@ -60,7 +59,7 @@ def _unlimited(mechanism: Mechanism) -> NDArray[np.bool_]:
     return unlimited
 
 
-def _jumps(before: Motion, after: Motion, unlimited: NDArray[np.bool_], paused: bool = False) -> list[str]:
+def _jumps(before: Motion, after: Motion, unlimited: Mask, paused: bool = False) -> list[str]:
     """Sentences about the largest jump in position, and in velocity, from the end of a motion to the start of one."""
     signs = continuous(before.joints, np.stack([before.position[-1], after.position[0]]))[1]
     gap = after.position[0] * signs - before.position[-1]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from bellcrank.arrays import Array, Indices, Mask
+
+Index = Indices
 BLOCK = 64  # points that are compared with those that are kept, and with each other, at once
 
 
@@ -23,11 +23,11 @@ def not_dominated(points: Array) -> Index:
     return np.sort(order[kept])
 
 
-def _exceeded(columns: Array, by: Index, which: Index) -> NDArray[np.bool_]:
+def _exceeded(columns: Array, by: Index, which: Index) -> Mask:
     return np.asarray(_pairs_exceeded(columns, by, which).any(axis=0))
 
 
-def _pairs_exceeded(columns: Array, by: Index, which: Index) -> NDArray[np.bool_]:
+def _pairs_exceeded(columns: Array, by: Index, which: Index) -> Mask:
     """Which points (columns) the points `by` (rows) equal or exceed in all coordinates."""
     found = np.ones((len(by), len(which)), dtype=bool)
     for values in columns:

@@ -12,10 +12,11 @@ from typing import ClassVar
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.units import RPM
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
-from bellcrank.sizing.selection.criteria import Array, Bools, LimitCriterion, UseBound, exceeds, figure, share, within
+from bellcrank.sizing.selection.criteria import LimitCriterion, UseBound, exceeds, figure, share, within
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -27,7 +28,7 @@ class GearCriterion(LimitCriterion):
 
     of_gear = True
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs with a gear."""
         return pairs.with_gear
 
@@ -131,7 +132,7 @@ class GearMomentaryTorque(GearCriterion):
     stated = "gear.momentary_torque"
     lower_bound = UseBound("limit of repeated peaks", ("gear.repeated_peak_torque",))
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs with a gear, where the conditions name a momentary load of the axis."""
         given = axis.name in dict(conditions.momentary_loads)
         return np.asarray(pairs.with_gear & given)
@@ -200,7 +201,7 @@ class GearLife(GearCriterion):
     limit_name = "L10 life"
     unit = "h"
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs with a gear, where hours are required."""
         return np.asarray(pairs.with_gear & (conditions.life is not None))
 
@@ -261,7 +262,7 @@ class BearingCriterion(LimitCriterion):
         """The limit that the gear states; without a gear, the motor and gear sold as one."""
         return self._stated(pairs)
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs with a stated limit."""
         return np.asarray(~np.isnan(self._stated(pairs)))
 

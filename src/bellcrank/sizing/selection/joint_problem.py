@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bellcrank.sizing.selection.ranking import NOTHING, Indices, RankKey, RankKeys, as_key, order_of
+from bellcrank.arrays import Indices, Mask
+from bellcrank.sizing.selection.ranking import NOTHING, RankKey, RankKeys, as_key, order_of
 
 UNKNOWN_MASS = -1  # class of an actuator whose mass is not stated, and of an axis without an actuator
 FIRST_BLOCK = 256  # pairs that are judged at once; then twice as many each time
@@ -25,7 +25,7 @@ class JointProblem(Protocol):
     """
 
     @property
-    def influence(self) -> NDArray[np.bool_]:
+    def influence(self) -> Mask:
         """(k, k) whether the mass of the actuator of axis j (column) changes the load of axis i (row)."""
 
     @property
@@ -48,7 +48,7 @@ class JointProblem(Protocol):
     def effort(self) -> int:
         """The effort spent so far, in pairs judged."""
 
-    def keys(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+    def keys(self, axis: int, masses: Masses, rows: Mask | None = None) -> RankKeys:
         """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter.
 
         Only the pairs `rows` (m,) need to be judged; the keys of others may be `NOT_JUDGED`.
@@ -106,7 +106,7 @@ def judge_choice(problem: JointProblem, choice: Choice) -> list[RankKey]:
     return keys
 
 
-def search_order(influence: NDArray[np.bool_]) -> list[list[int]]:
+def search_order(influence: Mask) -> list[list[int]]:
     """Groups of axes, each after those that load it: from the tip to the base.
 
     Axes that load each other are one group: the strongly connected components of the influence.
@@ -125,12 +125,12 @@ def search_order(influence: NDArray[np.bool_]) -> list[list[int]]:
     return ordered
 
 
-def is_ordered(influence: NDArray[np.bool_], group: Sequence[int]) -> bool:
+def is_ordered(influence: Mask, group: Sequence[int]) -> bool:
     """Whether a group is one axis whose own mass does not load it."""
     return len(group) == 1 and not influence[group[0], group[0]]
 
 
-def components(influence: NDArray[np.bool_]) -> list[list[int]]:
+def components(influence: Mask) -> list[list[int]]:
     """Axes that do not load each other, directly or through others, apart: such as those of two arms."""
     reach = influence | influence.T | np.eye(len(influence), dtype=bool)
     for _ in range(max(len(influence), 1).bit_length()):

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Indices, Mask
 from bellcrank.sizing.selection.joint_problem import (
     NO_MASS,
     UNKNOWN_MASS,
@@ -31,17 +31,7 @@ from bellcrank.sizing.selection.joint_problem import (
     masses_of,
     search_order,
 )
-from bellcrank.sizing.selection.ranking import (
-    NOTHING,
-    Indices,
-    RankKey,
-    RankKeys,
-    as_key,
-    less_than,
-    order_of,
-    smallest,
-    total,
-)
+from bellcrank.sizing.selection.ranking import NOTHING, RankKey, RankKeys, as_key, less_than, order_of, smallest, total
 
 Pair = int | None
 
@@ -201,10 +191,10 @@ class _Search:
         self.pairs[axis] = pair
         self.masses[axis] = UNKNOWN_MASS if pair is None else int(self.problem.classes[axis][pair])
 
-    def _keys(self, axis: int, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+    def _keys(self, axis: int, rows: Mask | None = None) -> RankKeys:
         return self.problem.keys(axis, tuple(self.masses), rows)
 
-    def _promising(self, axis: int, keys: list[RankKey]) -> NDArray[np.bool_] | None:
+    def _promising(self, axis: int, keys: list[RankKey]) -> Mask | None:
         """Pairs of an axis that may lead to something better than what was found; None: all."""
         if self.best is None or self.problem.kept[axis]:
             return None

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque
+from bellcrank.arrays import Array, Mask
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, CriterionResult, cycles_of, exceeds
+from bellcrank.sizing.selection.criteria import Criterion, CriterionResult, cycles_of, exceeds
 from bellcrank.sizing.selection.gear_criteria import (
     AxialLoad,
     GearAverageSpeed,
@@ -50,7 +51,7 @@ ARC_MINUTES = 60.0 * 180.0 / math.pi
 class NoteCriterion(Criterion):
     """A figure without a limit."""
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """No pair."""
         return np.zeros(len(pairs), dtype=bool)
 
@@ -262,7 +263,7 @@ def _judge_gears(judgement: Judgement, row: int, criterion: Criterion) -> None:
     judgement.verdict[row] = np.where(product, verdict[pairs.gear], NOTE)
 
 
-def _judge_chunk(judgement: Judgement, rows: Index, undecided: Bools, exact: bool) -> None:
+def _judge_chunk(judgement: Judgement, rows: Index, undecided: Mask, exact: bool) -> None:
     """Judge some pairs by the cheap criteria, group by group; note which costly ones their bounds leave undecided."""
     row, part = len(GEAR_CRITERIA), judgement.pairs.take(rows)
     level = np.fmax.reduce(judgement.use[:row, rows], axis=0, initial=0.0 if exact else 1.0)  # largest use so far
@@ -311,7 +312,7 @@ def verdicts(
     """Utilisation (NaN of a note) and verdict of each pair; of a criterion of gears, whichever their motors are."""
     use = criterion.use(pairs, loads, conditions)
     of_pairs = criterion.judged if criterion.of_gear else criterion.applies
-    judged: Bools = of_pairs(pairs, loads.axis, conditions)
+    judged: Mask = of_pairs(pairs, loads.axis, conditions)
     verdict = np.where(np.isnan(use), UNKNOWN, np.where(exceeds(use), EXCEEDED, INSIDE))
     return np.where(judged, use, np.nan), np.where(judged, verdict, NOTE).astype(np.int8)
 

@@ -13,19 +13,18 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, LoadCycle
 from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge, verdicts
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, Indices, PairVerdicts, RankKeys, rank_keys
+from bellcrank.sizing.selection.ranking import NOT_JUDGED, PairVerdicts, RankKeys, rank_keys
 
 Objective = Literal["mass", "cost", "loss", "margin"]
-Array = NDArray[np.float64]
 OF_MOTION = frozenset(
     {"motor speed", "gear average input speed", "gear largest input speed", "motor type", "nominal voltage"}
 )  # whatever the torques
@@ -125,14 +124,14 @@ class JudgedAxes:
 
     # ---- ranks
 
-    def keys(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> RankKeys:
+    def keys(self, axis: int, masses: Masses, rows: Mask | None = None) -> RankKeys:
         """The keys (m, 6) of an axis where the actuators are of these classes; only those that load it matter.
 
         Only the pairs `rows` (m,) need to be judged; the keys of others may be `NOT_JUDGED`.
         """
         return self.ranks(axis, masses, rows).keys
 
-    def ranks(self, axis: int, masses: Masses, rows: NDArray[np.bool_] | None = None) -> AxisRanks:
+    def ranks(self, axis: int, masses: Masses, rows: Mask | None = None) -> AxisRanks:
         """As `keys`, with the utilisations and losses."""
         loading = tuple(one if self.influence[axis, j] else NO_MASS for j, one in enumerate(masses))
         wanted = np.ones(len(self.axes[axis].pairs), dtype=bool) if rows is None else rows.copy()

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.errors import InputError
@@ -18,7 +18,6 @@ from bellcrank.sizing.loads.motion_grid import coarse_grid_along, reversal_times
 from bellcrank.sizing.loads.series_maxima import maxima, on_grid
 from bellcrank.sizing.selection.mounted_bodies import States
 
-Array = NDArray[np.float64]
 Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
 Shafts = Callable[[Array, Array, Array], dict[str, Array]]  # torques, speeds, accelerations (n, k) of joints
 
@@ -39,7 +38,7 @@ class CyclePart:
     states: States
     time: Array
     weight: Array
-    interval: NDArray[np.intp]
+    interval: Indices
 
     @property
     def intervals(self) -> int:

@@ -17,17 +17,16 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains, motoring
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
 from bellcrank.sizing.selection.sample_blocks import Blocks
 
-Array = NDArray[np.float64]
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
 STRETCHES = 64  # of a cycle, in which its heat is bounded: more cost time, fewer leave more to the exact solution
 
@@ -75,7 +74,7 @@ class ReducedCycle:
     duration: float
     time: Array
     weight: Array
-    interval: NDArray[np.intp]
+    interval: Indices
     sequence: tuple[tuple[int, int, int], ...]
     features: Array
     torque: Array
@@ -98,7 +97,7 @@ class ReducedCycle:
         return np.asarray((self.features.T * (self.weight / self.duration)) @ self.features)
 
     @cached_property
-    def passes(self) -> NDArray[np.intp]:
+    def passes(self) -> Indices:
         """How often each of the K intervals occurs in the cycle (K,)."""
         passes = np.zeros(int(self.interval.max()) + 1, dtype=np.intp)
         for first, end, count in self.sequence:
@@ -111,7 +110,7 @@ class ReducedCycle:
         return np.bincount(self.interval, self.weight, len(self.passes)) / self.passes
 
     @cached_property
-    def interval_order(self) -> NDArray[np.intp]:
+    def interval_order(self) -> Indices:
         """Numbers of the intervals in the order of the cycle, with all passes."""
         return np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in self.sequence])
 

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from bellcrank.actuators.conditions import Conditions
+from bellcrank.arrays import Array, Mask
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
-from bellcrank.sizing.selection.criteria import Array, Bools, Criterion, CriterionResult, exceeds
+from bellcrank.sizing.selection.criteria import Criterion, CriterionResult, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
@@ -29,7 +30,7 @@ class MotorType(Criterion):
     source = "the motor's data sheet"
     needs = (("motor.commutation",),)
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """All pairs, where one of the two is asked for."""
         return np.full(len(pairs), conditions.commutation is not None or conditions.construction is not None)
 
@@ -69,7 +70,7 @@ class NominalVoltage(Criterion):
     source = "a convention of this program; makers state U_N as the voltage for which their figures hold"
     needs = (("motor.nominal_voltage",),)
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """All pairs, where the voltage of the bus is given."""
         return np.full(len(pairs), conditions.voltage is not None)
 
@@ -105,7 +106,7 @@ class InertiaRatio(Criterion):
     source = "makers' guidance: THK, ball screw selection (3 to 10); Mitsubishi, MELSERVO J2S manual (3 to 5)"
     needs = (("gear.ratio", "gear.inertia", "motor.rotor_inertia"),)
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """All products."""
         return np.asarray(pairs.of_motor("by_ratings") == 0.0)
 

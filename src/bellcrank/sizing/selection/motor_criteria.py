@@ -11,6 +11,7 @@ import numpy as np
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque, continuous_torque_text
 from bellcrank.actuators.short_time_limits import voltage_limit_source
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.units import RPM
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
 from bellcrank.sizing.selection.criteria import (
@@ -18,8 +19,6 @@ from bellcrank.sizing.selection.criteria import (
     FRICTION,
     SHAFT,
     TORQUE_CONSTANT,
-    Array,
-    Bools,
     Criterion,
     LimitCriterion,
     UseBound,
@@ -127,7 +126,7 @@ class PeakTorque(LimitCriterion):
     stated = "motor.peak_torque"
     lower_bound = UseBound("nominal torque", ("motor.nominal_torque",))  # which may act all the time
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs but those whose motor states a peak current instead."""
         stated, current = pairs.of_motor("peak_torque"), pairs.of_motor("peak_electrical_torque")
         return np.asarray(~np.isnan(stated) | np.isnan(current))
@@ -158,7 +157,7 @@ class PeakCurrent(LimitCriterion):
     unit = "N m"
     stated = "motor.peak_electrical_torque"
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs whose motor states a peak current."""
         return np.asarray(~np.isnan(pairs.of_motor("peak_electrical_torque")))
 
@@ -222,7 +221,7 @@ class VoltageLimit(Criterion):
         uses = (largest(factors, cycle) for factors in self._factors(pairs, cycle, conditions))
         return reduce(np.fmax, uses, np.full(len(pairs), np.nan))
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """By the largest torque and the largest speed at once."""
         shown = np.zeros(len(pairs), dtype=bool)
         for factors in self._factors(pairs, cycle, conditions):
@@ -266,7 +265,7 @@ class HoldingBrake(LimitCriterion):
     unit = "N m"
     stated = "motor.brake_torque"
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """All pairs, where a brake is asked for."""
         return np.full(len(pairs), conditions.brake)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
@@ -17,8 +16,8 @@ from bellcrank.actuators.electrical import friction_torque
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
 from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curves, short_time_limits
+from bellcrank.arrays import Array
 
-Array = NDArray[np.float64]
 POINTS = 121  # of a curve before points on straight lines are left out
 STRAIGHT = 1e-4  # of a curve's range: deviation of a point that is left out
 

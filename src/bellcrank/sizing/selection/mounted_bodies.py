@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.mount import Mount
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.selection.tree_kinematics import JointMotion, TreeMotion
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 
 class States(NamedTuple):

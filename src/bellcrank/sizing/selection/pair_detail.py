@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
@@ -18,10 +17,10 @@ from bellcrank.actuators.powertrain import PowerTrains, ShaftLoad
 from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
 from bellcrank.actuators.thermal_cycle import periodic_temperatures
+from bellcrank.arrays import Array, Mask
 from bellcrank.sizing.selection.axis_loads import LoadCycle
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
 
-Array = NDArray[np.float64]
 MOST_INTERVALS = 500  # of a temperature curve; in a longer cycle neighbours are averaged
 THERMAL_FIGURES = {  # what temperatures need of a motor, in words
     "resistance": "resistance",
@@ -203,7 +202,7 @@ def _cycles(
 
 def _temperatures(
     cycle: LoadCycle, motors: MotorArrays, load: ShaftLoad, conditions: Conditions
-) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Array, Mask]:
     """Times (s), winding and housing (m, k) in the periodic steady state, °C, and runaway (m,)."""
     order = np.concatenate([np.tile(np.arange(first, end), passes) for first, end, passes in cycle.sequence])
     duration = cycle.interval_duration[order]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
@@ -15,11 +14,11 @@ from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.actuators.short_time_limits import SpeedTorqueLimit, peak_curves, short_time_limits
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.numerics import floats
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Index = Indices
 Value = TypeVar("Value")
 MOST_KEPT = 32  # limits of all motors that are kept: two functions under the conditions of 16 axes
 
@@ -84,13 +83,13 @@ class Pairs:
     products: Products
     motor: Index
     gear: Index
-    fits: NDArray[np.bool_]
+    fits: Mask
     _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.motor)
 
-    def take(self, rows: Index | slice | NDArray[np.bool_]) -> Pairs:
+    def take(self, rows: Index | slice | Mask) -> Pairs:
         """The pairs of these rows."""
         taken = Pairs(products=self.products, motor=self.motor[rows], gear=self.gear[rows], fits=self.fits[rows])
         taken._kept.update((key, value[rows]) for key, value in self._kept.items())
@@ -105,7 +104,7 @@ class Pairs:
         return floats(getattr(self.gears, name))
 
     @property
-    def with_gear(self) -> NDArray[np.bool_]:
+    def with_gear(self) -> Mask:
         """Whether each pair has a gear (m,)."""
         return np.asarray(~self.products.gear_arrays.direct[self.gear])
 
@@ -178,7 +177,7 @@ class Pairs:
         )
 
 
-def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _flanges_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[Mask, Mask]:
     """Whether flanges do not contradict each other (motors, gears), and whether both sides state them."""
     names = {name: number for number, name in enumerate(dict.fromkeys(_name(m.flange) for m in motors))}
     offered = np.array([names[_name(motor.flange)] for motor in motors], dtype=np.intp)
@@ -198,7 +197,7 @@ def _is_built_in(gear: Gear) -> bool:
     return any(_name(name).startswith(_name(gear.maker) + " ") for name in (gear.input_flange or "").split(";"))
 
 
-def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[Mask, Mask]:
     """Whether the motor's shaft is not too thick (motors, gears), and whether both diameters are stated."""
     shaft = np.array([m.shaft_diameter for m in motors], dtype=float)[:, None]
     bore = np.array([g.input_shaft_diameter for g in gears], dtype=float)

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.sizing.selection.joint_problem import (
     NO_MASS,
     Choice,
@@ -84,11 +84,11 @@ class _FrontSearch:
         points = np.column_stack([np.where(np.isnan(column[pairs]), np.inf, column[pairs]) for column in columns])
         return points, pairs
 
-    def may_count(self, axis: int) -> NDArray[np.bool_]:
+    def may_count(self, axis: int) -> Mask:
         """Pairs of an axis that may count, under any masses; others need not be judged."""
         return self._counts(axis, self.problem.bounds[axis])
 
-    def sample(self, axis: int) -> NDArray[np.bool_]:
+    def sample(self, axis: int) -> Mask:
         """Those pairs that may count, or if they are too many, some evenly over the order of their bounds."""
         may = self.may_count(axis)
         count = np.count_nonzero(may)
@@ -102,7 +102,7 @@ class _FrontSearch:
             chosen[pair] = True
         return chosen
 
-    def _counts(self, axis: int, keys: RankKeys) -> NDArray[np.bool_]:
+    def _counts(self, axis: int, keys: RankKeys) -> Mask:
         """Whether (m,) pairs of these keys pass and are known at least as well as the chosen pair of the axis."""
         _, partial, unknown, *_ = self.chosen[axis]
         known = (keys[:, 1] < partial) | ((keys[:, 1] == partial) & (keys[:, 2] <= unknown))
@@ -168,8 +168,6 @@ def _place(point: ParetoPoint) -> tuple[float, float, tuple[str, ...]]:
 # is nowhere larger and somewhere smaller.
 
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 MASS, USE, LOSS, COST = range(4)
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import Actuator
+from bellcrank.arrays import Array
 from bellcrank.config.units import RPM
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
@@ -207,7 +207,6 @@ def _bars(axis: Axes, results: Sequence[CriterionResult]) -> None:
 # ---- Torque and speed of each chosen motor along the cycles, with what the motor allows.
 
 
-Array = NDArray[np.float64]
 BOUND, CURVE, VOLTAGE = "#b30000", "#1a1a1a", "#7a5195"
 MARGIN = 1.35  # of the loads and the continuous torque: so much of the plane is shown at least
 

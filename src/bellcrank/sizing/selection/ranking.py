@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from bellcrank.arrays import Array, Indices, Mask
+
 RankKeys = NDArray[np.int64]  # (m, 6), see COLUMNS
 RankKey = tuple[int, int, int, int, int, int]
 COLUMNS = ("fails", "not all shown", "main criteria unknown", "objective unknown", "objective", "largest utilisation")
@@ -91,7 +91,7 @@ def total(keys: Sequence[RankKey], largest: bool) -> RankKey:
     return (sum(fails), sum(partial), sum(unknown), sum(unvalued), value, max(uses))
 
 
-def less_than(keys: RankKeys, others: Sequence[RankKey], best: RankKey, largest: bool) -> NDArray[np.bool_]:
+def less_than(keys: RankKeys, others: Sequence[RankKey], best: RankKey, largest: bool) -> Mask:
     """Whether (m,) the total of each key with some others is less than the best one."""
     rest = np.array(total(others, largest), dtype=np.int64)
     totals = keys + rest

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from bellcrank.arrays import Array, Indices
+
+Index = Indices
 SIZE = 16  # samples
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.load_reductions import ACCELERATION, DIRECTION, DRIVING, SPEED, ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 
-Array = NDArray[np.float64]
 BLOCK = 2**16  # values at once: they stay in the processor's cache
 FEW = 1000  # pairs: for so few of them all samples cost less (1 ms) than finding the extreme points (10 ms)
 

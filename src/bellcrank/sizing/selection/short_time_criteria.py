@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.actuators.product_arrays import Curves
 from bellcrank.actuators.short_time_limits import peak_curve_use
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.numerics import floats
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
-from bellcrank.sizing.selection.criteria import SHAFT, Array, Bools, Criterion, alternatives, exceeds
+from bellcrank.sizing.selection.criteria import SHAFT, Criterion, alternatives, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle
 from bellcrank.sizing.selection.motor_criteria import ContinuousTorqueCriterion
 from bellcrank.sizing.selection.pairs import Pairs
@@ -39,7 +39,7 @@ class PeakCurve(Criterion):
     source = "the motor's data sheet"
     needs = alternatives(SHAFT, (("motor.peak_curve",),))
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs whose motor has such a curve."""
         return np.asarray(pairs.products.motor_arrays.peak_curve.known[pairs.motor])
 
@@ -73,7 +73,7 @@ class PeakCurve(Criterion):
         speed = pairs.of_gear("ratio")[:, None] * cycle.aligned.speed
         return np.asarray(np.max(peak_curve_use(pairs.motors[:, None], conditions, torque, speed), axis=1))
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """By the largest torque and the largest speed at once, where the region is convex."""
         sides = convex_sides(pairs.products.peak_curves(conditions))
         speed = (pairs.of_gear("ratio") * cycle.max_speed)[:, None] * np.maximum(sides.speed[pairs.motor], 0.0)
@@ -103,7 +103,7 @@ class ShortTimeSides(NamedTuple):
 
     torque: Array
     speed: Array
-    convex: Bools
+    convex: Mask
 
 
 def convex_sides(curves: Curves) -> ShortTimeSides:
@@ -181,7 +181,7 @@ class PeakDuration(Criterion):
         least, _ = _continuous_range(pairs, cycle, conditions)
         return np.where(largest_shaft_torque(pairs, cycle, least) <= least, 0.0, np.nan)
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """By blocks of samples: one counts where its largest torques and acceleration exceed the least S1 torque."""
         least, _ = _continuous_range(pairs, cycle, conditions)
         most = most_shaft_torque(pairs, cycle)
@@ -275,7 +275,7 @@ class _Runs(NamedTuple):
     last: Array
     longest: Array
     total: float
-    whole: Bools
+    whole: Mask
 
     def then(self, other: _Runs) -> _Runs:
         """The runs of two stretches, one after the other."""
@@ -301,13 +301,11 @@ class _Runs(NamedTuple):
         )
 
 
-def _longest(above: Bools, cycle: ReducedCycle) -> Array:
+def _longest(above: Mask, cycle: ReducedCycle) -> Array:
     return longest_run(above, cycle.pass_weight, cycle.interval, cycle.sequence)
 
 
-def longest_run(
-    above: Bools, weight: Array, interval: NDArray[np.intp], sequence: Sequence[tuple[int, int, int]]
-) -> Array:
+def longest_run(above: Mask, weight: Array, interval: Indices, sequence: Sequence[tuple[int, int, int]]) -> Array:
     """The longest time (m,) without a break in a cycle that repeats; infinite where it has no end.
 
     Args:
@@ -329,7 +327,7 @@ def longest_run(
     return np.where(runs.whole, np.inf, np.maximum(runs.longest, runs.last + runs.first))
 
 
-def _runs(above: Bools, weight: Array) -> _Runs:
+def _runs(above: Mask, weight: Array) -> _Runs:
     """The runs of samples (m, n) of these weights (n,)."""
     end = np.cumsum(weight)
     run = end - np.maximum.accumulate(np.where(above, 0.0, end), axis=1)  # since the last sample below

@@ -17,7 +17,8 @@ import numpy as np
 from bellcrank.actuators import electrical
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.copper import REFERENCE
-from bellcrank.sizing.selection.criteria import Array, CriterionResult, Verdict, cycles_of, exceeds
+from bellcrank.arrays import Array
+from bellcrank.sizing.selection.criteria import CriterionResult, Verdict, cycles_of, exceeds
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads
 from bellcrank.sizing.selection.matching_criteria import common_bus
 from bellcrank.sizing.selection.pairs import Pairs

@@ -11,8 +11,9 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.electrical import loss_per_squared_torque, resistance_factor
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel
 from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
+from bellcrank.arrays import Array, Mask
 from bellcrank.sizing.selection.axis_loads import DrivenAxis
-from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Array, Bools, Criterion, alternatives
+from bellcrank.sizing.selection.criteria import FRICTION, SHAFT, TORQUE_CONSTANT, Criterion, alternatives
 from bellcrank.sizing.selection.load_reductions import DIRECTION, SPEED, ReducedCycle
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.shaft_loads import electrical_coefficients
@@ -53,7 +54,7 @@ class Temperature(Criterion):
         use, bound = np.where(permitted > 0.0, rise / permitted, np.inf + 0.0 * permitted)
         return np.asarray(np.where(np.isnan(use) & (bound <= 1.0), bound, use))
 
-    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def cycle_below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         """By the mean losses and the largest energy above the mean; see `temperature_bounds`."""
         shown = np.zeros(len(pairs), dtype=bool)
         limits = pairs.of_motor("max_winding_temperature") + self.limit(pairs)
@@ -62,7 +63,7 @@ class Temperature(Criterion):
             shown[known] = self._below(pairs.take(known), cycle, conditions, level[known])
         return shown
 
-    def _below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Bools:
+    def _below(self, pairs: Pairs, cycle: ReducedCycle, conditions: Conditions, level: Array) -> Mask:
         number = int(self.body == "housing")
         winding = pairs.of_motor("max_winding_temperature")
         if not number:
@@ -119,7 +120,7 @@ class HousingTemperature(Temperature):
     needs = alternatives(_THERMAL, (("motor.max_housing_temperature",),))
     body = "housing"
 
-    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Bools:
+    def judged(self, pairs: Pairs, axis: DrivenAxis, conditions: Conditions) -> Mask:
         """Pairs whose motor states a limit."""
         return np.asarray(~np.isnan(self.limit(pairs)))
 

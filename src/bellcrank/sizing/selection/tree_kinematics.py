@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.elements.symbols import Symbols
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.elements.parameters import Parameter
     from bellcrank.robot.model.tree import TreeJoint
 
-Array = NDArray[np.float64]
 _POSE = 12  # numbers of a pose: position 3, rotation 9 row by row
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number, whole_number
@@ -20,7 +20,6 @@ from bellcrank.messages import format_value
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.distributions import Distribution, is_distribution, read_distribution
 
-Array = NDArray[np.float64]
 MOST_VALUES = arguments.MOST_ITEMS  # of an axis
 LARGEST_WHOLE = 10**308
 EXPECTED = (

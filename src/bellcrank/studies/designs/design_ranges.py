@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bellcrank.arrays import Mask
 
 SECONDS = 1.0  # that a range takes: long beside the overhead of a call, short beside what an interruption may lose
 LARGEST = 2**15  # designs: bounds the memory of a call
@@ -29,7 +30,7 @@ class DesignRange(NamedTuple):
         return self.stop - self.first
 
 
-def true_ranges(mask: NDArray[np.bool_]) -> list[DesignRange]:
+def true_ranges(mask: Mask) -> list[DesignRange]:
     """The ranges in which a mask of designs is true, in increasing order."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
     return [DesignRange(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
@@ -42,7 +43,7 @@ class UndoneDesigns:
         count: How many are not given out.
     """
 
-    def __init__(self, done: NDArray[np.bool_]) -> None:
+    def __init__(self, done: Mask) -> None:
         self._left = true_ranges(~done)[::-1]
         self.count = int((~done).sum())
 

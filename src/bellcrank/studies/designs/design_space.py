@@ -8,15 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.memory import check_memory
 from bellcrank.studies.designs.axes import StudyAxis
 from bellcrank.studies.designs.samples import PointSet
 
-Array = NDArray[np.float64]
 MOST_DESIGNS = 10**7
 MOST_DIMENSIONS = 21_201  # of SciPy's Sobol points
 BYTES_PER_NUMBER, BYTES_PER_DESIGN = 8.0, 400.0  # of a design with its measures, of which a small scene has 35
@@ -88,7 +87,7 @@ class DesignSpace(Portable):
             found[:, k] = self.axes[k].numbers[place]
         return found
 
-    def _points(self, point: NDArray[np.intp], dimensions: int) -> Array:
+    def _points(self, point: Indices, dimensions: int) -> Array:
         """The points of the sample with these numbers, which follow one another and begin again after the last one."""
         assert self.sample is not None
         count = self.sample.count

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number
 from bellcrank.config.units import UNITS
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 
-Array = NDArray[np.float64]
 _CALL = re.compile(r"\A\s*([A-Za-z_]\w*)\s*\(([^()]*)\)\s*\Z")
 
 

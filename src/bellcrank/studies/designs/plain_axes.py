@@ -12,8 +12,8 @@ from enum import Enum
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import parse_number
 from bellcrank.config.units import units_for
 from bellcrank.elements.element import joint_unit
@@ -23,8 +23,6 @@ from bellcrank.scene.robot_config import CONFIG_KEYS, SCENE_KEYS
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import FINEST_RTOL
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 SETTING_UNITS = {"duration": "s", "rtol": "", "atol": "", "step": "s", "first_step": "s", "max_step": "s"}
 NOT_JOINTS = ("velocity", "motion", "run", "time", "clock")  # keys of `initial` with a meaning of their own
 PROBE = 1.2345

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.memory import check_memory
 from bellcrank.scene.study import METHODS
 
-Array = NDArray[np.float64]
 LARGEST_SEED = 2**63 - 1
 REPLICATES, LEAST_PART = 16, 64  # replicates, of samples that are large enough for parts of 64 points
 _LEAST, _MOST = 2.0**-54, 1.0 - 2.0**-53  # quantiles of 0 and 1 may be infinite

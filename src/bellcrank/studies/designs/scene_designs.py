@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.constraints.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.equations.system import start_states, system_of, system_parameters
@@ -28,7 +29,6 @@ from bellcrank.studies.designs.plain_axes import DesignAxis, PlainAxis, ValueKin
 from bellcrank.studies.designs.variant_designs import VariantDesigns
 from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 RECENT = 16  # variants that are kept between blocks
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.studies.results.intervals import LEAST_REPLICATES, SampleLayout
 
-Array = NDArray[np.float64]
 REPLICATES = 16  # Student's t is 2.13 then; 10 would need 6 % wider intervals
 MOST_REPLICATES = 10_000
 LARGEST_SIZE = 2**24
@@ -92,7 +91,7 @@ class SensitivitySample(Portable):
         """How the points A and B depend on each other, which together are a sample of 2 × size points a replicate."""
         return SampleLayout.sobol(2 * self.replicates * self.size, self.replicates, 2 * self.dimensions)
 
-    def sampled(self) -> NDArray[np.intp]:
+    def sampled(self) -> Indices:
         """The numbers of the points A and B, replicate by replicate; they follow the distributions, as A_B does not
         independently of them.
         """

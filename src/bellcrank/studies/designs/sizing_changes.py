@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import RATINGS
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import parse_number
 from bellcrank.elements.element import Bound
 from bellcrank.elements.parameters import is_of_the_tree, parameter_bounds, parameter_name, target_of
@@ -29,7 +29,6 @@ from bellcrank.robot.model.traced_tree import INERTIA, MASS, ORIGIN, SCALE
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.plain_axes import DesignAxis
 
-Array = NDArray[np.float64]
 Kind = Literal["parameter", "rating", "duration", "waypoint", "override"]
 LARGEST = 1e9  # of numbers that certainly fit; larger ones are left to the checks of a single sizing
 SMALLEST = 1e-9  # of numbers above 0 that certainly fit
@@ -67,7 +66,7 @@ class Change:
     moves: bool = False
     waypoint: tuple[int, int | None] = (0, None)
 
-    def certain(self, values: Array) -> NDArray[np.bool_]:
+    def certain(self, values: Array) -> Mask:
         """Whether each value (n,) is one that a scene certainly accepts; others are to be checked one by one."""
         inside = np.isfinite(values) & (np.abs(values) < LARGEST)
         for bound in self.bounds:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.equations.design_parameters import design_parameters
 from bellcrank.dynamics.equations.system import start_states, system_of
@@ -19,9 +19,6 @@ from bellcrank.scene.scene import Scene
 from bellcrank.simulation.integration.integration import impossible_contacts, infinite_starts, open_contacts
 from bellcrank.studies.designs.plain_axes import PlainAxis, ValueKind
 from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,8 +98,8 @@ class VariantDesigns:
         )
 
     def _closed(
-        self, designs: Constrained, q: Array, rows: NDArray[np.intp], reasons: dict[int, str], threads: int
-    ) -> tuple[Array, NDArray[np.intp]]:
+        self, designs: Constrained, q: Array, rows: Indices, reasons: dict[int, str], threads: int
+    ) -> tuple[Array, Indices]:
         """The consistent positions, and which designs have one."""
         q, verdicts = consistent_postures(self.scene, designs, q, self._held[0], threads)
         for k in np.flatnonzero(verdicts.code).tolist():

@@ -9,9 +9,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError
 from bellcrank.studies.execution.design_runner import DesignRunner
 from bellcrank.studies.execution.software_and_processor import TARGETS_ALIKE, differences, environment
@@ -35,7 +33,7 @@ class RangeTask:
 
     key: str
     runner: bytes
-    values: NDArray[np.float64]
+    values: Array
     threads: int
     environment: Mapping[str, str]
 

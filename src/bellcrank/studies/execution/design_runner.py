@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bellcrank.arrays import Array, Indices
 from bellcrank.codegen import cache as disk
 from bellcrank.studies.results.study_columns import StudyColumns
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 class StudyInterrupted(KeyboardInterrupt):
@@ -25,7 +21,7 @@ class StudyInterrupted(KeyboardInterrupt):
         columns: Their results, k rows.
     """
 
-    def __init__(self, rows: NDArray[np.intp], columns: StudyColumns) -> None:
+    def __init__(self, rows: Indices, columns: StudyColumns) -> None:
         super().__init__()
         self.rows, self.columns = rows, columns
 

@@ -7,14 +7,10 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bellcrank.arrays import Array
 from bellcrank.studies.designs.design_ranges import DesignRange, UndoneDesigns
 from bellcrank.studies.execution.design_runner import DesignRunner
 from bellcrank.studies.results.study_columns import StudyColumns
-
-Array = NDArray[np.float64]
 
 
 class Designs(Protocol):

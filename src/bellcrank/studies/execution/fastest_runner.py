@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.notes import Note, in_use, ranked
@@ -19,7 +19,6 @@ from bellcrank.studies.execution.design_runner import StudyInterrupted, scene_id
 from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
 from bellcrank.studies.results.study_columns import StudyColumns
 
-Array = NDArray[np.float64]
 CYCLE = "cycle_time"
 NOISE = 1e-9  # of a time: how it differs between neighbouring designs, measured as differences of second order
 FINISHED, INFEASIBLE = STATUSES = ("finished", "infeasible")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.actuator import RATINGS, Actuator
+from bellcrank.arrays import Array, Mask
 from bellcrank.motion.entry_kinds import WaypointsEntry
 from bellcrank.sizing.loads.design_peaks import DesignInputs, DesignMotion, DesignPeaks
 from bellcrank.sizing.loads.design_states import MotionStates, OwnStates, SharedStates
@@ -16,8 +16,6 @@ from bellcrank.sizing.loads.waypoint_states import WaypointStates
 from bellcrank.studies.designs.scene_designs import SceneDesigns
 from bellcrank.studies.execution.shared_sizing import SharedSizing
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 SHORTEST = 1e-4  # of a motion: designs whose waypoints are closer are sized one by one
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Indices
 from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
 from bellcrank.simulation.integration.held_entries import found_signals
 from bellcrank.simulation.integration.integration import repeat_run
@@ -85,7 +86,7 @@ def _reasons(runs: Runs) -> dict[int, str]:
     return reasons
 
 
-def _reasons_of_ends(runs: Runs, rows: NDArray[np.intp], status: Status) -> Sequence[str]:
+def _reasons_of_ends(runs: Runs, rows: Indices, status: Status) -> Sequence[str]:
     """Why these runs ended early and what to do about it, as `Trajectory.reason` says."""
     if status is Status.PRESCRIBED_MOTION_ENDED and (end := prescribed_motion_end(runs.scene)) is not None:
         return [end.sentence] * len(rows)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
@@ -16,9 +17,6 @@ from bellcrank.simulation.integration.held_entries import known_signals
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.scene.scene import Scene
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,7 +87,7 @@ class StatesOfRuns:
     """
 
     count: int
-    rows: NDArray[np.intp] | None
+    rows: Indices | None
     time: Array
     state: Array
     inputs: Array

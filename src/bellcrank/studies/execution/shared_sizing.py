@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
@@ -39,7 +39,6 @@ from bellcrank.studies.designs.sizing_changes import Change
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
 
-Array = NDArray[np.float64]
 SHARE = 0.3  # by which each parameter differs in the designs that the grid of a motion is made for
 REGULAR = 1e-3  # of the largest singular value of the dependent joints' Jacobian, at least, along a motion
 INERTIA_RATINGS = ("ratio", "rotor_inertia", "gear_inertia")

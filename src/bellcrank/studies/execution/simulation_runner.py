@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end, signals_until
@@ -31,7 +32,6 @@ from bellcrank.studies.results.study_columns import StudyColumns
 if TYPE_CHECKING:
     from bellcrank.studies.results.measures import Measure
 
-Array = NDArray[np.float64]
 Progress = Callable[[int], object]
 NOISE = 100.0  # of the tolerances: the error of a run, which is the sum of those of its steps
 
@@ -263,7 +263,7 @@ class ResultTable:
         """All rows."""
         return StudyColumns(statuses=STATUSES, status=self._status, measures=self._measures, reasons=self._reasons)
 
-    def settled(self) -> tuple[NDArray[np.intp], StudyColumns]:
+    def settled(self) -> tuple[Indices, StudyColumns]:
         """The rows that are done, and their results."""
         rows = np.flatnonzero(self.known)
         place = {row: k for k, row in enumerate(rows.tolist())}

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.elements.frame_joints import path_frames
 from bellcrank.errors import BellcrankError, InputError
@@ -29,8 +29,7 @@ from bellcrank.studies.execution.shared_sizing import SharedSizing
 from bellcrank.studies.results.sizing_measures import Judged, judged, measures_of
 from bellcrank.studies.results.study_columns import StudyColumns
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
+Whole = Indices
 Progress = Callable[[int], object]
 BLOCK = 64  # designs whose peaks are refined together
 BLOCK_OF_LINKAGES = 256  # designs whose motions are made together
@@ -257,6 +256,6 @@ class _Rows:
     """The rows of designs while they are filled in."""
 
     measures: dict[str, Array]
-    done: NDArray[np.bool_]
+    done: Mask
     infeasible: dict[int, str] = field(default_factory=dict)
     unsizable: dict[int, str] = field(default_factory=dict)

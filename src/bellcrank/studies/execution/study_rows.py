@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError
 from bellcrank.memory import check_memory
 from bellcrank.studies.designs.design_ranges import DesignRange
 from bellcrank.studies.results.study_columns import StudyColumns
-
-Array = NDArray[np.float64]
 
 
 class StudyRows:

@@ -15,8 +15,8 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.elements.expression import FUNCTIONS, Reader, Term, syntax_tree, term_value
 from bellcrank.errors import InputError
@@ -24,8 +24,6 @@ from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
     import casadi
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

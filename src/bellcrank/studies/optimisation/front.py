@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array, Indices
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
@@ -36,7 +36,6 @@ from bellcrank.studies.optimisation.problem import DesignProblem
 from bellcrank.studies.optimisation.request import FAR, POINTS, STARTS, Request, level, plan_search
 from bellcrank.studies.optimisation.size_search import SAME_VALUE
 
-Array = NDArray[np.float64]
 SHARE = 4  # of the local searches: a quarter of them, and at least two, for each level
 REPAIRS = 2
 NEAR = 1e-3  # of objectives in units of their spread: designs that differ less are one of the front
@@ -205,7 +204,7 @@ class _Front:
     def _spreads(self) -> Array:
         return self.pool.spreads[[self.pool.measures.index(name) for name in self.names]]
 
-    def known(self) -> tuple[Array, NDArray[np.intp]]:
+    def known(self) -> tuple[Array, Indices]:
         """The scaled objectives (n, k) of the designs at sizes within bounds that keep the limits, and their rows."""
         plain = self._framed(0, {})
         points, values = np.concatenate(plain.points), np.concatenate(plain.values)

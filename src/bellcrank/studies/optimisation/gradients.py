@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError
 from bellcrank.simulation.simulate import simulate
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from bellcrank.simulation.sensitivities.sensitivities import RunSensitivity
     from bellcrank.studies.optimisation.problem import DesignProblem
 
-Array = NDArray[np.float64]
 # Weights of f(x + k h) in h f'(x), with the error h^4 f''''' / 30 (central) or h^4 f''''' / 5: B. Fornberg, Math. Comp.
 # 51 (1988) 699-706, tables 1 and 2.
 STENCILS = (
@@ -88,7 +87,7 @@ class Gradients:
         return frozenset(name for name in problem.measures if self.exact.issuperset(problem.leaves_of(name)))
 
     def at(
-        self, points: Sequence[Array], values: Sequence[Array], free: Sequence[NDArray[np.bool_]] | None = None
+        self, points: Sequence[Array], values: Sequence[Array], free: Sequence[Mask] | None = None
     ) -> list[list[list[GradientRow]]]:
         """For each design, the rows of each measure, which is the largest of them; `values` (1 + limits,) are its own.
 
@@ -158,7 +157,7 @@ class Gradients:
 
     # ---- differences
 
-    def _rows_of_scenarios(self, points: Array, free: NDArray[np.bool_]) -> list[list[list[GradientRow]]]:
+    def _rows_of_scenarios(self, points: Array, free: Mask) -> list[list[list[GradientRow]]]:
         """Of the worst, a row for each deviation; of mean and standard deviation, their row."""
         robust = self.problem.robustness
         assert robust is not None
@@ -177,9 +176,7 @@ class Gradients:
             found.append(rows)
         return found
 
-    def _differences(
-        self, points: Array, values: Array, free: NDArray[np.bool_], run_designs: Callable[[Array], Array]
-    ) -> Array:
+    def _differences(self, points: Array, values: Array, free: Mask, run_designs: Callable[[Array], Array]) -> Array:
         """Slopes (designs, measures, variables) of designs (n, variables); NaN where no stencil fits.
 
         `values` (n, measures) are those of the designs; where they are judged at deviations, those of each, as columns.

@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.files.access import MOST_RUN, open_regular
 from bellcrank.files.npz_archive import read_archive
 from bellcrank.simulation.files.save_run import write_archive
 from bellcrank.studies.execution.software_and_processor import environment
 from bellcrank.studies.execution.study_folder import FORMAT, StudyFolder
 
-Array = NDArray[np.float64]
 EVERY = 2.0  # s between two files
 _MEMBERS = re.compile("numbers|values|out|reason_rows|reason_texts")
 
@@ -39,9 +38,9 @@ class Ran:
     """
 
     names: tuple[str, ...]
-    done: NDArray[np.bool_]
+    done: Mask
     values: Array
-    out: NDArray[np.bool_]
+    out: Mask
     texts: dict[int, str]
 
     @classmethod
@@ -50,12 +49,12 @@ class Ran:
         no = np.zeros(count, dtype=np.bool_)
         return cls(tuple(names), no, np.full((count, len(names)), np.nan), no.copy(), {})
 
-    def fill(self, rows: NDArray[np.intp], ran: Ran) -> None:
+    def fill(self, rows: Indices, ran: Ran) -> None:
         """Put what was run into these rows."""
         self.done[rows], self.values[rows], self.out[rows] = True, ran.values, ran.out
         self.texts.update({int(rows[k]): text for k, text in ran.texts.items()})
 
-    def part(self, rows: NDArray[np.intp]) -> Ran:
+    def part(self, rows: Indices) -> Ran:
         """Some rows."""
         texts = {k: self.texts[row] for k, row in enumerate(rows.tolist()) if row in self.texts}
         return Ran(self.names, self.done[rows], self.values[rows], self.out[rows], texts)

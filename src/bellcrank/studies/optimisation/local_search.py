@@ -13,12 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.studies.optimisation.gradients import GradientRow, Gradients
 from bellcrank.studies.optimisation.problem import DesignProblem
 
-Array = NDArray[np.float64]
 MOST_ITERATIONS = 100
 FIRST_RADIUS, LEAST_RADIUS, LARGEST_RADIUS = 0.1, 1e-10, 0.5  # of steps, as shares of the width between the bounds
 TINY, MOST_TINY = 1e-13, 5  # a reduction that rounding may hide, and how many such steps follow one another
@@ -100,7 +99,7 @@ class LocalSearch:
     restarts: int = 3
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Mask:
         """Which variables (variables,) are not fixed."""
         return np.asarray(self.upper > self.lower)
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
@@ -38,7 +38,6 @@ from bellcrank.studies.optimisation.request import SAMPLES, STARTS, Request, pla
 from bellcrank.studies.optimisation.size_search import SAME_VALUE, Combinations, SizeSearch, all_combinations
 from bellcrank.studies.results.study_columns import varies
 
-Array = NDArray[np.float64]
 SAME_DESIGN = 1e-3  # up to this difference, scaled, and SAME_VALUE of the objective two local optima are one
 
 

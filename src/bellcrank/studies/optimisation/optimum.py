@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from bellcrank.studies.optimisation.problem import DesignProblem
     from bellcrank.studies.optimisation.size_search import Combinations
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

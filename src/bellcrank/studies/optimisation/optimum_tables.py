@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Mask
 from bellcrank.studies.optimisation.local_search import KEPT
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def designs_table(result: Optimum) -> list[Sequence[object]]:
     return rows
 
 
-def _at_sizes(result: Optimum) -> NDArray[np.bool_]:
+def _at_sizes(result: Optimum) -> Mask:
     """Which of the designs that were run have sizes where there are some."""
     points = np.concatenate(result.problem.points)
     return np.asarray((result.problem.at_sizes(points) == points).all(axis=1))

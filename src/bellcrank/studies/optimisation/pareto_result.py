@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder
 from bellcrank.files.csv_files import csv_text
@@ -25,13 +25,12 @@ if TYPE_CHECKING:
     from bellcrank.studies.optimisation.problem import DesignProblem
     from bellcrank.studies.results.exceedance import Limit
 
-Array = NDArray[np.float64]
 BETTER = 1e-6  # of objectives in units of their spread: a smaller difference is an error of the searches
 ROUNDING = 1e-12
 BLOCK = 1000  # designs that are compared at once
 
 
-def dominates(known: Array, values: Array) -> NDArray[np.bool_]:
+def dominates(known: Array, values: Array) -> Mask:
     """Whether (m,) some of the known objectives (n, k) are nowhere worse than values (m, k), and better in one."""
     found = np.zeros(len(values), dtype=bool)
     for first in range(0, len(known), BLOCK):

@@ -13,8 +13,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.config.fields import parse_number
 from bellcrank.config.numbers import split_number, whole_number
@@ -36,7 +36,6 @@ from bellcrank.studies.results.exceedance import Limit
 from bellcrank.studies.results.sizing_measures import INFEASIBLE
 from bellcrank.studies.results.study_columns import StudyColumns
 
-Array = NDArray[np.float64]
 BLOCK = 4096  # designs of one call of the runner
 
 
@@ -230,7 +229,7 @@ class DesignProblem:
             found[:, k] = sizes[np.abs(points[:, k, None] - sizes).argmin(axis=1)]
         return found
 
-    def within(self, points: Array) -> NDArray[np.bool_]:
+    def within(self, points: Array) -> Mask:
         """Whether points (n, variables) are designs that were asked for: within the bounds, and at sizes."""
         return np.asarray(((points >= 0.0) & (points <= 1.0) & (self.at_sizes(points) == points)).all(axis=1))
 

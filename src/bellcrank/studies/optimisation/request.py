@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.config.fields import parse_number
 from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import InputError
@@ -33,7 +33,6 @@ from bellcrank.studies.optimisation.size_search import MOST_RUN, all_combination
 from bellcrank.studies.results.exceedance import Limit, parse_limit
 from bellcrank.studies.sweep_plan import Planner, SweepPlan, planner
 
-Array = NDArray[np.float64]
 SAMPLES, STARTS, POINTS = 256, 8, 9
 FAR = 1e30  # a limit that no design comes near
 

@@ -12,14 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.arguments import found
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.studies.designs.distributions import Distribution
 from bellcrank.studies.designs.samples import Sample
 
-Array = NDArray[np.float64]
 SCENARIOS = 32  # deviations of "mean + k sd"
 CHECKED = 256  # independent deviations at which a result is checked
 MOST_CORNERS = 6  # tolerances of "worst": 64 corners

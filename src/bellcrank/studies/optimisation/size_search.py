@@ -13,13 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.studies.optimisation.gradients import Gradients
 from bellcrank.studies.optimisation.local_search import KEPT, LocalSearch, local_searches
 from bellcrank.studies.optimisation.problem import DesignProblem
 
-Array = NDArray[np.float64]
 MOST_RUN = 10_000  # combinations that are all run
 MOST_BOXES = 5000
 TOGETHER = 16  # boxes that are searched together

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Indices
 from bellcrank.sizing.loads.series_maxima import vertex_of
 from bellcrank.sizing.loads.waypoint_states import WaypointStates
 from bellcrank.studies.execution.many_sizings import SizingBatch, certain
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from bellcrank.sizing.loads.design_peaks import DesignMotion
     from bellcrank.studies.execution.shared_sizing import SharedSizing
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.intp]
+Whole = Indices
 Slopes = list[tuple[float, Array, float]]  # values, slopes (axes,) by shares of widths, and times, s
 STEP = 1e-5  # of differences, as a share of the width between the bounds
 HIGH = 0.7  # of the largest: lower maxima are not among the rows of a peak

@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Mask
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.studies.results.intervals import Array, Interval, Mask, SampleLayout, proportion
+from bellcrank.studies.results.intervals import Interval, SampleLayout, proportion
 from bellcrank.studies.results.study_columns import StudyColumns
 
 _RELATION, _CONDITION = re.compile(r"[<>]=?"), re.compile(r"[<>]=?|=")
@@ -153,7 +153,7 @@ def exceedance(columns: StudyColumns, limit: Limit, layout: SampleLayout) -> Exc
     )
 
 
-def missing_by_status(columns: StudyColumns, there: NDArray[np.bool_]) -> dict[str, int]:
+def missing_by_status(columns: StudyColumns, there: Mask) -> dict[str, int]:
     """The number of designs outside `there` (n,) by the name of their status, in the order of `columns.statuses`."""
     counts = np.bincount(columns.status[~there], minlength=len(columns.statuses))
     return {name: int(n) for name, n in zip(columns.statuses, counts, strict=True) if n}

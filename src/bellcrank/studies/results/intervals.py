@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Interval = tuple[float, float]
 CONFIDENCE = 0.95
 TAIL = 0.5 * (1.0 - CONFIDENCE)  # on each side

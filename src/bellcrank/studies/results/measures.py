@@ -16,8 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, LiesFlat, SingularConstraint
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
     from bellcrank.studies.execution.runs import Runs
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Measure(NamedTuple):

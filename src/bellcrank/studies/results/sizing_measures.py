@@ -17,15 +17,14 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.sizing.drive_verdicts import kept, smallest
 from bellcrank.sizing.joint_sizing import OVERSHOOT, JointSizing, MotorSizing, ShaftSizing
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.criteria import TOLERANCE
 from bellcrank.studies.results.study_columns import StudyColumns
 
-Array = NDArray[np.float64]
 PASS, FAIL, UNKNOWN, INFEASIBLE = STATUSES = ("pass", "fail", "unknown", "infeasible")
 MARGINS = {  # of a shaft: the measure, words, and the criteria of which it is the smallest margin; none: of all
     "peak_torque_margin": ("the actuator's peak torque", ("peak torque",)),
@@ -104,7 +103,7 @@ class Judged:
         amount = f"by {excess:.1%}" if math.isfinite(excess) else "without bound (no steady temperature)"
         return f"'{joint}' exceeds {WORDS[name]} {amount}{others}"
 
-    def _unknown(self, unknown: NDArray[np.bool_], names: list[str]) -> str:
+    def _unknown(self, unknown: Mask, names: list[str]) -> str:
         """A sentence about the first margin that is unknown, and how many others are."""
         if not names:
             return "there is no actuator, and no limit in the URDF, to compare with"

@@ -24,9 +24,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bellcrank.arrays import Array, Mask
 from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
 from bellcrank.studies.results.exceedance import missing_by_status
-from bellcrank.studies.results.intervals import Array, Mask, ratio_interval
+from bellcrank.studies.results.intervals import ratio_interval
 from bellcrank.studies.results.study_columns import StudyColumns
 from bellcrank.studies.results.tolerance import Estimate
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.plot_style import PALETTE, literal, new_figure, plain, write_figure
 from bellcrank.studies.results.tolerance import histogram
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.studies.results.exceedance import Exceedance
-    from bellcrank.studies.results.intervals import Array
     from bellcrank.studies.results.sobol_indices import SobolIndices
     from bellcrank.studies.results.tolerance import Estimate, MeasureDistribution
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from bellcrank.arrays import Array, Indices
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,7 +53,7 @@ class StudyColumns:
         status = np.concatenate([part.status for part in parts])
         return cls(statuses=first.statuses, status=status, measures=measures, reasons=reasons)
 
-    def take(self, rows: NDArray[np.intp]) -> StudyColumns:
+    def take(self, rows: Indices) -> StudyColumns:
         """Some of the rows, by their numbers (n,), in that order."""
         reasons = {k: self.reasons[row] for k, row in enumerate(rows.tolist()) if row in self.reasons}
         measures = {name: values[rows] for name, values in self.measures.items()}

@@ -22,7 +22,6 @@ from bellcrank.studies.execution.simulation_runner import SimulationRunner
 if TYPE_CHECKING:
     from bellcrank.studies.results.sweep_result import Sweep
 
-Array = NDArray[np.float64]
 DESIGNS, SEED = 32, 28  # run again
 FINER = 100.0  # times the tolerance, or a quarter of a fixed step
 NOISE = 0.1  # of the spread of a measure, from which its table is noise

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank._step import csv_rows
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import write_text, writing
 from bellcrank.files.csv_files import guarded
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 BLOCK = 8192  # rows converted to text at a time
 ROW_GROUP = 2**17  # rows of a Parquet file that are written at a time
-Array = NDArray[np.float64]
 FORMAT = "bellcrank sweep"
 INSTALL = "pip install 'bellcrank[parquet]'"
 
@@ -132,7 +132,7 @@ def write_parquet(sweep: Sweep, path: str | Path) -> Path:
     names = [*(axis.label for axis in sweep.axes if axis.choices), "status", "reason"]
     reasons, reason_of = _reasons(sweep)
 
-    def texts(codes: NDArray[Any], known: list[str], absent: NDArray[np.bool_] | None = None) -> Any:
+    def texts(codes: NDArray[Any], known: list[str], absent: Mask | None = None) -> Any:
         numbers = pyarrow.array(codes.astype(np.int32), mask=absent)
         return pyarrow.DictionaryArray.from_arrays(
             numbers, pyarrow.array([utf8(name).decode() for name in known], pyarrow.string())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.plot_style import PALETTE, literal, new_figure, plain, write_figure
 from bellcrank.studies.results.study_columns import varies
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.studies.designs.axes import StudyAxis
-    from bellcrank.studies.results.sweep_result import Array, Sweep
+    from bellcrank.studies.results.sweep_result import Sweep
 
 
 LINE, FAILED = PALETTE[0], PALETTE[1]

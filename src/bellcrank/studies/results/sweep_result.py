@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from bellcrank.studies.results.sample_statistics import SampleStatistics
     from bellcrank.studies.results.sensitivity import Sensitivity
     from bellcrank.studies.results.sweep_check import SweepCheck
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

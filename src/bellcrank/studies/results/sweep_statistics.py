@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bellcrank.arrays import Indices
 from bellcrank.errors import InputError
 from bellcrank.studies.designs.samples import Sample
 from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
@@ -78,7 +79,7 @@ def sweep_sensitivity(sweep: Sweep) -> Sensitivity:
     )
 
 
-def complete_replicates(designs: NDArray[np.int64], count: int, replicates: int) -> tuple[NDArray[np.intp], int]:
+def complete_replicates(designs: NDArray[np.int64], count: int, replicates: int) -> tuple[Indices, int]:
     """The rows of the replicates of which every design is done, replicate by replicate, and their number.
 
     `designs` (n,) are the numbers of the designs that are done, increasing, of `count`.

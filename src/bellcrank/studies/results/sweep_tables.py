@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.studies.execution.run_outcomes import UNKNOWN
 
 if TYPE_CHECKING:
-    from bellcrank.studies.results.sweep_result import Array, Sweep
+    from bellcrank.studies.results.sweep_result import Sweep
 
 MOST_LINES = 20  # designs: the first and the last
 SUMMARISED = 10  # designs, above which there is a summary

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.studies.results.exceedance import missing_by_status
-from bellcrank.studies.results.intervals import Array, Interval, SampleLayout, quantile, ratio_interval
+from bellcrank.studies.results.intervals import Interval, SampleLayout, quantile, ratio_interval
 from bellcrank.studies.results.study_columns import StudyColumns
 
 LEVELS = (0.01, 0.05, 0.5, 0.95, 0.99)

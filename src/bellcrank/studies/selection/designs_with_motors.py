@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.errors import BellcrankError, InputError
@@ -23,7 +22,6 @@ from bellcrank.studies.designs.sizing_changes import override
 from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
 from bellcrank.studies.selection.design_selection import DesignRow
 
-Array = NDArray[np.float64]
 _PAYLOAD = re.compile(r"\Apayload\.")
 
 

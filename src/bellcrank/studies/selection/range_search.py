@@ -19,9 +19,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank.actuators.catalogue.catalogue import Catalogue
+from bellcrank.arrays import Array, Indices
 from bellcrank.errors import BellcrankError
 from bellcrank.sizing.selection.candidates import completed
 from bellcrank.sizing.selection.choose import system_results
@@ -35,7 +35,6 @@ from bellcrank.sizing.selection.selection import Candidate, Selection
 from bellcrank.studies.selection.design_selection import Inside
 from bellcrank.studies.selection.designs_with_motors import DesignsWithMotors
 
-Array = NDArray[np.float64]
 Combination = tuple[int, ...]  # number of the pair of each axis
 STARTS = 3  # designs from which values are improved
 NEAREST = 12  # combinations for which values are searched where nothing passes
@@ -290,7 +289,7 @@ class RangeSearch:
 class _Table(NamedTuple):
     """Some pairs (m,) of an axis: their numbers, masses or costs, and by point their uses and how little is known."""
 
-    row: NDArray[np.intp]
+    row: Indices
     figure: Array
     use: Array
     level: Array

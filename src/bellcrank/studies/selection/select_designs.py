@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.condition_fields import OF_AN_AXIS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.arguments import Progress
+from bellcrank.arrays import Array
 from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
@@ -37,7 +37,6 @@ from bellcrank.studies.selection.designs_with_motors import DesignsWithMotors
 from bellcrank.studies.selection.range_search import RangeSearch
 from bellcrank.studies.sweep_plan import axes_of_sizings
 
-Array = NDArray[np.float64]
 SAMPLES = 32
 MOST_RANGES_WITH_CORNERS = 3  # loads often are least at one
 MOST_DESIGNS = 100_000

@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bellcrank.studies.synthesis.kinds import SAFE, Array, Complex, Turning, longest_of
+from bellcrank.arrays import Array, Complex
+from bellcrank.studies.synthesis.kinds import SAFE, Turning, longest_of
 
 WIDEST_RATIO = 20.0  # of rocker to coupler, either way
 LEAST_SHARE = 0.01  # of ρ: below it the crank is very short

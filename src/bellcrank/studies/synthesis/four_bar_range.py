@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.studies.synthesis.four_bar import WIDEST_RATIO, rocker_angles
-from bellcrank.studies.synthesis.kinds import SAFE, Array, SynthesisOutput
+from bellcrank.studies.synthesis.kinds import SAFE, SynthesisOutput
 
 WIDE = np.log(WIDEST_RATIO)  # of the ground, of rocker to coupler, and of the coupler to D₂
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from bellcrank.arrays import Array, Complex
+
 SAFE = 1e-3  # rad: of a least transmission angle at least, so that no linkage is flat
 NONE = np.zeros((0, 0))
 NO_JOINT = np.zeros((0, 0), dtype=complex)

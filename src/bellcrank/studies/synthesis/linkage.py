@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.studies.synthesis.kinds import Array, Complex
+from bellcrank.arrays import Array, Complex
 
 WORDS = {
     "four_bar": "four-bar",

@@ -10,10 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array, Complex, Indices, Mask
 from bellcrank.studies.designs.samples import Sample
-from bellcrank.studies.synthesis.kinds import Array, Complex
 from bellcrank.studies.synthesis.placement import Numbers, PointTask, Task
 
 SAMPLES = 2**12  # Sobol points on each branch
@@ -37,7 +36,7 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.shape)
 
-    def take(self, rows: NDArray[np.intp]) -> Candidates:
+    def take(self, rows: Indices) -> Candidates:
         """Some of them."""
         return Candidates(self.shape[rows], self.crank[rows], self.branch[rows], self.error[rows])
 
@@ -70,7 +69,7 @@ def search(
     return found.best(len(found))
 
 
-def _in_order(found: Candidates) -> NDArray[np.bool_]:
+def _in_order(found: Candidates) -> Mask:
     """Whether the crank passes the points in their order, in one direction and within one turn."""
     steps = np.diff(found.crank, axis=1)
     one_way = (steps > 0.0).all(axis=1) | (steps < 0.0).all(axis=1)

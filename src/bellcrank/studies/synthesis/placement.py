@@ -17,7 +17,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bellcrank.studies.synthesis.kinds import Array, Complex, CouplerKind, LinkageKind, OutputKind
+from bellcrank.arrays import Array, Complex, Mask
+from bellcrank.studies.synthesis.kinds import CouplerKind, LinkageKind, OutputKind
 
 Numbers = NDArray[Any]  # real or complex
 
@@ -133,7 +134,7 @@ class FunctionTask:
         return found._replace(slopes=-factor[:, None, None] * moved)
 
 
-def _placed(basis: Numbers, targets: Numbers) -> tuple[Fit, NDArray[np.bool_]]:
+def _placed(basis: Numbers, targets: Numbers) -> tuple[Fit, Mask]:
     """The least squares of targets (targets,) by bases (n, targets, numbers), without derivatives; and which of them
     have no placement, since their columns depend on each other.
     """

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bellcrank.studies.synthesis.kinds import SAFE, Array, SynthesisOutput, Turning, longest_of
+from bellcrank.arrays import Array
+from bellcrank.studies.synthesis.kinds import SAFE, SynthesisOutput, Turning, longest_of
 
 LEAST, MOST = 0.005, 40.0  # of g: the shortest coupler, and one of which the slider's motion is nearly a sine
 

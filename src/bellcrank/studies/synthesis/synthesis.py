@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import write_text
@@ -23,7 +23,6 @@ from bellcrank.studies.synthesis.scene_files import file_texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 SAME = 1e-6  # relative: linkages with errors this near are counted together
 LONG = 0.99  # of the longest link over its limit
 NEAR_LIMIT = 1e-4  # rad

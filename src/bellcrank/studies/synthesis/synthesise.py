@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank.arguments import PROGRESS, Progress
+from bellcrank.arrays import Array, Complex
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.designs.samples import LARGEST_SEED
 from bellcrank.studies.synthesis.four_bar import CrankRockers
 from bellcrank.studies.synthesis.four_bar_range import FourBarsOverRange
-from bellcrank.studies.synthesis.kinds import Complex
 from bellcrank.studies.synthesis.linkage import WORDS, FourBar, SixBar, SliderCrank
 from bellcrank.studies.synthesis.path_search import search
 from bellcrank.studies.synthesis.placement import FunctionTask, PointTask
@@ -27,7 +27,6 @@ from bellcrank.studies.synthesis.six_bar import SixBars
 from bellcrank.studies.synthesis.slider_crank import SliderCranks
 from bellcrank.studies.synthesis.synthesis import Synthesis
 
-Array = NDArray[np.float64]
 LEAST_POINTS, MOST_POINTS = 4, 500
 FURTHEST, ALIKE = 1e9, 1e-9  # m; of the latter also a share of the distance from the origin
 KEPT = 8  # linkages in the result

@@ -1,0 +1,9 @@
+"""The types of arrays that annotations name."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
