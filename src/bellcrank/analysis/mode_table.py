@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bellcrank.analysis.linearisation import Linearisation
     from bellcrank.analysis.mode import Mode
 
-ROUNDING = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
+SHOWN_AS_ZERO = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
 MOST = 0.1  # of the largest entry of a shape: a state with less is not named
 
 
@@ -57,4 +57,4 @@ def mode_table(linear: Linearisation) -> str:
 
 def shown(values: Array) -> str:
     """Numbers for a table; those that are rounding errors as 0."""
-    return ", ".join(f"{x if abs(x) > ROUNDING else 0.0:.6g}" for x in values.tolist())
+    return ", ".join(f"{x if abs(x) > SHOWN_AS_ZERO else 0.0:.6g}" for x in values.tolist())

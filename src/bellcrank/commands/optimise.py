@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Search. Exit code 0: a local optimum that keeps the limits, or a front of such optima; 1: none; 130: interrupted.
     The best designs are written in any case. Raises BellcrankError for invalid input.
     """
-    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS
+    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
     from bellcrank.studies.designs.samples import LARGEST_SEED
@@ -107,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         samples=whole_option("--samples", arguments.samples, 1, MOST_DESIGNS),
         starts=whole_option("--starts", arguments.starts, 1, MOST_STARTS),
         seed=whole_option("--seed", arguments.seed, 0, LARGEST_SEED),
-        points=whole_option("--points", arguments.points, 2, MOST_POINTS),
+        points=whole_option("--points", arguments.points, 2, MOST_FRONT_POINTS),
         tolerances=dict(map(_tolerance, arguments.tolerances)) or None,
         robust=arguments.robust,
     )

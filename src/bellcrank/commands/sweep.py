@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands import sweep_statistics
 from bellcrank.commands.options import add_checkpoint_every, add_trust, checkpoint_every, page_of, whole_option
 from bellcrank.commands.output_files import list_on_failure, output_path, written
+from bellcrank.commands.sweep_statistics import SAMPLE_FILES, add_sample_arguments, check_limits, write_statistics
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method", metavar="NAME", help="how they are drawn: sobol (default), latin (Latin hypercube) or random"
     )
     parser.add_argument("--seed", metavar="N", help="seed of the random numbers (default: 0)")
-    sweep_statistics.add_arguments(parser)
+    add_sample_arguments(parser)
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
         help="change a value of the scene first, such as simulate.duration='20 s'; may be repeated",
@@ -84,11 +84,11 @@ def run(arguments: argparse.Namespace) -> int:
     threads = whole_option("--threads", arguments.threads, 1, MOST_THREADS)
     workers = whole_option("--workers", arguments.workers, 1, MOST_WORKERS)
     executor, every = choose_executor(threads, workers, arguments.scheduler), checkpoint_every(arguments)
-    check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *sweep_statistics.NAMES])
+    check_folder("--out", folder, [*NAMES, *PARTIAL_NAMES, "sweep.png", *SAMPLE_FILES])
     if page_of(arguments, folder / "sweep.html") is None and arguments.live:  # is refused before anything is computed
         raise InputError("--live says what the page does; give --page too")
     plan = _plan(arguments)
-    sweep_statistics.check_limits(arguments.limits, plan.runner.units)
+    check_limits(arguments.limits, plan.runner.units)
     study = StudyFolder(folder, restart=arguments.restart, notify=lambda text: print(f"note: {text}"))
     with study, counting("sweep", " designs") as bar, interruption.held() as check:
 
@@ -164,7 +164,7 @@ def _show(result: Sweep, arguments: argparse.Namespace, folder: Path, files: lis
         print(result.table(measures))
     if len(result) and result.complete:
         with list_on_failure(files, folder):
-            sweep_statistics.write_statistics(result, arguments, folder, files)
+            write_statistics(result, arguments, folder, files)
     unclear = int((result.status == UNKNOWN).sum())
     unknown_part = f", {unclear} unknown (see their reasons)" if unclear else ""
     failed = len(result) - result.finished - unclear

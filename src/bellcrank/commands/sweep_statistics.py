@@ -12,10 +12,10 @@ from bellcrank.commands.options import add_page, page_of
 if TYPE_CHECKING:
     from bellcrank.studies.results.sweep_result import Sweep
 
-NAMES = ("indices.csv", "indices.json", "indices.png", "limits.png", "sweep.html")
+SAMPLE_FILES = ("indices.csv", "indices.json", "indices.png", "limits.png", "sweep.html")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_sample_arguments(parser: argparse.ArgumentParser) -> None:
     """What is asked of the sample."""
     parser.add_argument(
         "--sobol", metavar="N",

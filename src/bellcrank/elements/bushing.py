@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FIELDS = {
     "torque_stiffness": "N m/rad", "torque_damping": "N m s/rad", "force_stiffness": "N/m", "force_damping": "N s/m"
 }  # fmt: skip
-NOTHING = (0.0, 0.0, 0.0)
+ZEROS = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Bushing(Force):
         a, b = (read_frame(read, formulas.robot, key) for key in ("frame_a", "frame_b"))
         if a == b:
             raise read.error("frame_b", f"expected two different frames, found '{a}' twice")
-        numbers = [read.vector(key, 3, unit, NOTHING) for key, unit in FIELDS.items()]
+        numbers = [read.vector(key, 3, unit, ZEROS) for key, unit in FIELDS.items()]
         for key, values in zip(FIELDS, numbers, strict=True):
             if min(values) < 0.0:
                 raise read.error(key, f"expected numbers of 0 or more, found {min(values):g}")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
 UNITS: Final = {"stiffness": "N m/rad", "damping": "N m s/rad"}
-NOTHING: Final = 1e-100  # keeps the direction of the rotation defined where there is none
+NO_ROTATION: Final = 1e-100  # keeps the direction of the rotation defined where there is none
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class SphericalSpring(Force):
         joint, (stiffness, damping) = self.joint, (self.value(symbols, key) for key in UNITS)
         place, rate = slice(joint.v, joint.v + 3), symbols.v[joint.v : joint.v + 3]
         vector, scalar = _relative(self.rest, symbols.q[joint.q : joint.q + 4])
-        size = casadi.sqrt(casadi.sumsqr(vector) + NOTHING**2)
+        size = casadi.sqrt(casadi.sumsqr(vector) + NO_ROTATION**2)
         angle = 2.0 * casadi.atan2(size, casadi.fabs(scalar))
         turned = casadi.if_else(scalar < 0.0, -1.0, 1.0) * (angle / size) * vector
         force = casadi.SX.zeros(symbols.robot.nv, 1)

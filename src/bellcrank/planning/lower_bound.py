@@ -31,7 +31,7 @@ CLOSE = 2e-7  # relative: a bound that is as near to the time of a motion is nea
 MARKED = 0.9  # share of the looseness of all cells that those have that are halved
 LEAST_MARKED = 0.05  # of the cells: how much a cell loosens the bound is an estimate
 LOOSE = 2e-9  # of the time, by which all cells loosen the bound: less does not matter
-NARROW = 1e-8  # in the parameter r: differences over shorter cells are rounding
+SHORTEST = 1e-8  # in the parameter r: differences over shorter cells are rounding
 
 
 def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) -> float:
@@ -53,7 +53,7 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
     if not limits.exact:
         return np.nan
     r = np.unique(np.concatenate([first_cells(path), 2.0 / np.pi * np.arcsin(np.sqrt(places / path.length))]))
-    r = r[np.concatenate([np.diff(r) > NARROW, [True]])]
+    r = r[np.concatenate([np.diff(r) > SHORTEST, [True]])]
     r[0] = 0.0
     known = KnownPlaces(lambda s: limits.places(path, s))
     most = CELLS_OF_LINKAGES if limits.mechanism.closed else CELLS
@@ -64,7 +64,7 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
         arrays = limits.at_places(known.at(path.length * share_of_path(parts)))
         found, loose = lower_bound(arrays, parts, path.length * slope_of_share(parts))
         best = max(best, found)
-        loose[np.diff(r) < 2.0 * NARROW] = 0.0
+        loose[np.diff(r) < 2.0 * SHORTEST] = 0.0
         order = np.argsort(-loose)
         count = max(
             int(np.searchsorted(np.cumsum(loose[order]), MARKED * np.sum(loose))) + 1, int(LEAST_MARKED * len(r))

@@ -9,7 +9,7 @@ from typing import Any
 from bellcrank.config.fields import Fields
 from bellcrank.messages import format_value
 
-MOST_DESIGNS, MOST_STARTS, MOST_POINTS = 10**6, 1000, 1000
+MOST_DESIGNS, MOST_STARTS, MOST_FRONT_POINTS = 10**6, 1000, 1000
 STEPPED = ("lower", "upper", "step")
 
 
@@ -89,7 +89,7 @@ def read_optimise(read: Fields) -> OptimiseEntry:
             raise around.error(path, f"expected {what}, found {format_value(text)}")
     counts: dict[str, int | None] = {}
     for name, least, most in (
-        ("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9), ("points", 2, MOST_POINTS),
+        ("samples", 1, MOST_DESIGNS), ("starts", 1, MOST_STARTS), ("seed", 0, 10**9), ("points", 2, MOST_FRONT_POINTS),
     ):  # fmt: skip
         counts[name] = read.integer(name, minimum=least) if name in read else None
         if (counts[name] or 0) > most:

@@ -11,12 +11,12 @@ and dτ = τ_q dq + τ_v dv + τ_a da + τ_p.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bellcrank.arrays import Array
+from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.constraint_derivatives import (
     SymbolicRows,
     derivative_along,

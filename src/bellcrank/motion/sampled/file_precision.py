@@ -11,7 +11,7 @@ import numpy as np
 from bellcrank.arrays import Array
 
 TYPICAL = 8.0  # times the median residual: rounding changes no residual by more
-FEW = 12  # fewer residuals than this come from jumps, not from rounding
+FEW_RESIDUALS = 12  # fewer residuals than this come from jumps, not from rounding
 LOOKED_AT = 64  # numbers of a column
 EXACT = 12  # significant digits from which numbers count as exact
 MOST = 1e-3  # of a column's range: numbers with few digits, typed by hand, are exact though they have few
@@ -50,7 +50,7 @@ def end_speed_noise(time: Array, positions: Sequence[float]) -> list[float]:
 def rounding_noise(time: Array, values: Array, order: int, rounding: float) -> bool:
     """Whether rounding shows in differences of samples (n,): exact numbers may have few decimals too."""
     width = order + 2
-    if rounding == 0.0 or len(time) < width + FEW:
+    if rounding == 0.0 or len(time) < width + FEW_RESIDUALS:
         return False
     most = 2.0**width * rounding / (float(time[-1] - time[0]) / (len(time) - 1)) ** order
     return typical_noise(differences(time, values, width, order), most) > 0.0
@@ -73,7 +73,7 @@ def typical_noise(residuals: Array, most: float) -> float:
     """
     size = np.abs(residuals)
     size = size[size > 1e-3 * most]
-    return min(most, TYPICAL * float(np.median(size))) if len(size) >= FEW else 0.0
+    return min(most, TYPICAL * float(np.median(size))) if len(size) >= FEW_RESIDUALS else 0.0
 
 
 def rounding_of(columns: Sequence[Array]) -> float:

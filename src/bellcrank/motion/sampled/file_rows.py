@@ -22,7 +22,7 @@ EQUAL = 1e-6  # of the largest: speeds and accelerations that differ by less are
 TURN = 2.0 * np.pi
 FAR = 5.0  # times the largest speed elsewhere: the speed that a jump by a turn would need
 SIMILAR = 1.5  # times the largest speed elsewhere: at most the speed that is left without the turn
-FEW = 4  # steps: fewer do not say how fast a joint moves elsewhere
+FEW_STEPS = 4  # steps: fewer do not say how fast a joint moves elsewhere
 NAMED = 3  # places that a note names
 
 
@@ -112,7 +112,7 @@ def _unwrapped(robot: RobotLike, joint: JointLike, rows: FileRows, name: str) ->
     turns = np.round(change / TURN)
     jump = (turns != 0.0) & (step > 0.0)
     others = (turns == 0.0) & (step > 0.0)
-    if not jump.any() or np.count_nonzero(others) < FEW:
+    if not jump.any() or np.count_nonzero(others) < FEW_STEPS:
         return rows
     with np.errstate(all="ignore"):
         fastest = float(np.abs(change[others] / step[others]).max())

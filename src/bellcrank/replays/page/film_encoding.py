@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -134,7 +135,7 @@ def _shape(shape: DrawnShape, meshes: dict[int, tuple[int, Mesh]]) -> dict[str, 
     }
 
 
-def _short(values: tuple[float, ...]) -> list[float]:
+def _short(values: Iterable[float]) -> list[float]:
     return [float(f"{value:.7g}") for value in values]
 
 

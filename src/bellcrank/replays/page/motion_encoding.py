@@ -33,14 +33,10 @@ def encode_motions(film: Film, motions: Sequence[FilmedMotion], arrays: ArrayEnc
                 "time": arrays.add_times(motion.time),
                 "positions": arrays.add_fixed_point(motion.poses[:, :, :3], step),
                 "quaternions": arrays.add_fixed_point(make_continuous(quaternions), turn_step),
-                "stretch": [[int(k), _short(motion.stretch[k])] for k in np.flatnonzero(stretched)],
+                "stretch": [[int(k), _short(motion.stretch[k].ravel())] for k in np.flatnonzero(stretched)],
                 "springs": [arrays.add_fixed_point(spring.ends, step) for spring in motion.springs],
                 "rods": [arrays.add_fixed_point(rod.ends, step) for rod in motion.rods],
                 "events": [{"time": event.time, "text": event.text} for event in motion.events],
             }
         )
     return found
-
-
-def _short(matrix: np.ndarray) -> list[float]:
-    return [float(f"{value:.7g}") for value in matrix.ravel()]

@@ -13,9 +13,9 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
+from bellcrank.studies.designs.samples import REPLICATES
 from bellcrank.studies.results.intervals import LEAST_REPLICATES, SampleLayout
 
-REPLICATES = 16  # Student's t is 2.13 then; 10 would need 6 % wider intervals
 MOST_REPLICATES = 10_000
 LARGEST_SIZE = 2**24
 _HALF_CELL = 2.0**-31  # Sobol points of 30 bits are the lower ends of their cells; 0 would be an infinite quantile

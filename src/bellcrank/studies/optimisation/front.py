@@ -24,7 +24,7 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
-from bellcrank.scene.optimise_entry import MOST_POINTS
+from bellcrank.scene.optimise_entry import MOST_FRONT_POINTS
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.optimisation.kept_designs import KeptDesigns
@@ -134,9 +134,9 @@ def pareto_front(
 def run_front(problem: DesignProblem, asked: Request, start: Array | None) -> ParetoFront:
     """Search. Raises InputError and BellcrankError as `pareto_front`."""
     points, others = asked.points or POINTS, asked.objectives[1:]
-    if points ** len(others) > MOST_POINTS:
+    if points ** len(others) > MOST_FRONT_POINTS:
         count = f"{points ** len(others)}: {points} levels of each of {len(others)} objectives"
-        raise InputError(f"points: expected at most {MOST_POINTS} designs, found {count}")
+        raise InputError(f"points: expected at most {MOST_FRONT_POINTS} designs, found {count}")
     limits = problem.limits[: len(problem.limits) - len(others)]
     first = run_search(problem, asked, start)
     search = _Front(asked, limits, first)

@@ -15,7 +15,7 @@ from bellcrank.config.fields import parse_number
 from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
+from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.axes import MOST_VALUES, StudyAxis, read_axis
 from bellcrank.studies.designs.design_space import MOST_DIMENSIONS
@@ -145,7 +145,7 @@ def _completed(scene: Scene, asked: Request) -> Request:
     counts: dict[str, Any] = {}
     for name, default, least, most in (
         ("samples", SAMPLES, 1, MOST_DESIGNS), ("starts", STARTS, 1, MOST_STARTS), ("seed", 0, 0, LARGEST_SEED),
-        ("points", POINTS, 2, MOST_POINTS),
+        ("points", POINTS, 2, MOST_FRONT_POINTS),
     ):  # fmt: skip
         given, written = getattr(asked, name), getattr(entry, name)
         number = given if given is not None else default if written is None else written

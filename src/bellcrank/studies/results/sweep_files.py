@@ -67,7 +67,7 @@ def write_tables(sweep: Sweep, folder: Path) -> list[Path]:
 
 def write_csv(sweep: Sweep, path: str | Path) -> Path:
     """Write one row a design; a cell is empty where there is no measure, or it is not finite. The write is atomic."""
-    labels = [*(axis.label for axis in sweep.axes), "status", *_labels(sweep), "reason"]
+    labels = [*(axis.label for axis in sweep.axes), "status", *_labels(sweep, sweep.units), "reason"]
     reasons, reason_of = _reasons(sweep)
     measures = [sweep.columns.measures[name] for name in sweep.units]
     columns: list[Array | tuple[NDArray[np.int32], list[str]]] = []
@@ -126,7 +126,7 @@ def write_parquet(sweep: Sweep, path: str | Path) -> Path:
 
     text = pyarrow.dictionary(pyarrow.int32(), pyarrow.string())
     axes = [(axis.label, text if axis.choices else pyarrow.float64()) for axis in sweep.axes]
-    measures = [(label, pyarrow.float64()) for label in _labels(sweep)]
+    measures = [(label, pyarrow.float64()) for label in _labels(sweep, sweep.units)]
     columns = [("design", pyarrow.int64()), *axes, ("status", text), *measures, ("reason", text)]
     schema = pyarrow.schema(columns, metadata={"bellcrank": json.dumps(_about(sweep))})
     names = [*(axis.label for axis in sweep.axes if axis.choices), "status", "reason"]
@@ -162,15 +162,11 @@ def write_npz(sweep: Sweep, path: str | Path) -> Path:
         arrays[axis.label] = np.array(list(map(str, axis.choices)))[numbers.astype(int)] if axis.choices else numbers
     arrays |= {"status": sweep.columns.status, "statuses": np.array(sweep.columns.statuses)}
     arrays |= {"reason": reason_of, "reasons": np.array(reasons)}
-    for name, label in zip(sweep.units, _labels(sweep), strict=True):
+    for name, label in zip(sweep.units, _labels(sweep, sweep.units), strict=True):
         values = sweep.columns.measures[name]
         arrays[label] = np.where(np.isfinite(values), values, np.nan) if np.isinf(values).any() else values
     write_archive(Path(path), _about(sweep), arrays)
     return Path(path)
-
-
-def _labels(sweep: Sweep) -> list[str]:
-    return [f"{name} [{unit}]" for name, unit in sweep.units.items()]
 
 
 def _reasons(sweep: Sweep) -> tuple[list[str], NDArray[np.int32]]:

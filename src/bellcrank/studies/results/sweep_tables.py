@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,7 +58,7 @@ def _place(sweep: Sweep, row: int) -> list[str]:
     return [f"{value:.9g}" if isinstance(value, float) else str(value) for value in shown]
 
 
-def _labels(sweep: Sweep, measures: Sequence[str]) -> list[str]:
+def _labels(sweep: Sweep, measures: Iterable[str]) -> list[str]:
     return [f"{name} [{sweep.units[name]}]" for name in measures]
 
 
