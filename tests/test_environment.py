@@ -15,7 +15,7 @@ import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.memory import check_memory, free_memory
-from bellcrank.printable_text import file_name_here, readable, utf8
+from bellcrank.messages import file_name_here, readable, utf8
 from bellcrank.scene.settings import check_rows
 
 COMMANDS = "import sys, bellcrank.cli as c; print([c.main(line.split('|')) for line in sys.argv[1:]])"

@@ -20,17 +20,16 @@ from pathlib import Path
 KINDS = ("sign", "factor", "index", "comparison")
 ROOMS = ("robot", "actuators", "motion", "elements", "dynamics", "simulation", "analysis", "sizing", "planning")
 SOME_OF = {  # rooms that also hold what is no physics: these modules compute
-    "scene": "constraint_conditions equation_symbols events free_joint_start initial output_quantities",
+    "scene": "events free_joint_start initial output_quantities",
     "studies": "axes design_space distributions exceedance intervals measures plain_axes sample_statistics samples "
-    "scene_designs sensitivity_sample sizing_changes many_sizings sizing_measures sobol_indices sweep_statistics "
-    "tolerance variant_designs",
-    "codegen": "directional expression_graph kernels llvm_ir tracer vector_math",
+    "scene_designs sensitivity sizing_changes many_sizings sizing_measures sweep_statistics tolerance",
+    "codegen": "directional expression_graph kernels llvm_ir tracer",
 }
 TEXT_FILES = set(  # words in the names of files that read, write, check and show
     "cache catalog catalogue check checks comparison csv fields file files finding json names notes options plot plots "
     "save status summary tables text warnings writer xml".split()
 )
-TEXT_MODULES = {"load", "load_run", "mesh_path", "mode_table"}
+TEXT_MODULES = {"load", "load_run", "mesh_path"}
 TEXT_FUNCTIONS = set(
     "csv dict draw html label labels message name names note notes plot print repr say str summary text texts title "
     "titled titles warnings".split()

@@ -34,7 +34,7 @@ _HOME = {
     "CoupledTransmission": "actuators.coupled_transmission",
     "Catalogue": "actuators.catalogue.catalogue",
     "load_catalogue": "actuators.catalogue.catalogue",
-    "write_catalogue": "actuators.catalogue.catalogue_writer",
+    "write_catalogue": "actuators.catalogue.catalogue_files",
     "size": "sizing.size",
     "judge": "sizing.judge",
     "verify_selection": "sizing.verification",
@@ -59,9 +59,9 @@ _HOME = {
     "MotionLimits": "planning.limits.motion_limits",
     "JointPath": "planning.joint_path",
     "joint_path": "planning.joint_path",
-    "sobol_indices": "studies.sensitivity_study",
-    "scene_derivatives": "dynamics.equations.scene_derivatives",
-    "scene_casadi": "dynamics.equations.scene_casadi",
+    "sobol_indices": "studies.sweep",
+    "scene_derivatives": "dynamics.equations.scene_functions",
+    "scene_casadi": "dynamics.equations.scene_functions",
     "scene_inverse_dynamics": "dynamics.inverse.scene_inverse_dynamics",
     "mobility": "dynamics.constraints.mobility",
     "plot": "simulation.trajectory.run_plot:plot_run",
@@ -143,7 +143,7 @@ if TYPE_CHECKING:
     from bellcrank import results
     from bellcrank.actuators.actuator import Actuator
     from bellcrank.actuators.catalogue.catalogue import Catalogue, load_catalogue
-    from bellcrank.actuators.catalogue.catalogue_writer import write_catalogue
+    from bellcrank.actuators.catalogue.catalogue_files import write_catalogue
     from bellcrank.actuators.conditions import Conditions
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
     from bellcrank.actuators.gear import Gear
@@ -154,8 +154,7 @@ if TYPE_CHECKING:
     from bellcrank.analysis.root_loci import root_loci
     from bellcrank.codegen.full_tier import wait_for_optimised_code
     from bellcrank.dynamics.constraints.mobility import mobility
-    from bellcrank.dynamics.equations.scene_casadi import scene_casadi
-    from bellcrank.dynamics.equations.scene_derivatives import scene_derivatives
+    from bellcrank.dynamics.equations.scene_functions import scene_casadi, scene_derivatives
     from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
     from bellcrank.errors import BellcrankError, CompileError, InputError, NotSavedError, UnreachableError
     from bellcrank.motion.generators.frame_motions import circle, line
@@ -188,8 +187,7 @@ if TYPE_CHECKING:
     from bellcrank.studies.optimisation.front import pareto_front
     from bellcrank.studies.optimisation.optimise import optimise
     from bellcrank.studies.selection.select_designs import select_designs
-    from bellcrank.studies.sensitivity_study import sobol_indices
-    from bellcrank.studies.sweep import sweep
+    from bellcrank.studies.sweep import sobol_indices, sweep
     from bellcrank.studies.synthesis.synthesise import synthesise
     from bellcrank.version import version
 

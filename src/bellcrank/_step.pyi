@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bellcrank.dynamics.equations.design_parameters import RowSampling
 from bellcrank.dynamics.postures.start_equations import StartEquations
-from bellcrank.simulation.integration.ensemble_problem import EnsembleProblem
+from bellcrank.simulation.integration.ensemble import EnsembleProblem
 from bellcrank.simulation.integration.integration_problem import IntegrationProblem
 from bellcrank.simulation.sensitivities.sensitivity_integration import SensitivityProblem
 

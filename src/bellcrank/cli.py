@@ -80,7 +80,7 @@ def _command(given: list[str]) -> int:
 
     from bellcrank.commands.parser import overview, parser
     from bellcrank.errors import BellcrankError
-    from bellcrank.printable_text import ERRORS, one_line
+    from bellcrank.messages import ERRORS, one_line
 
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)

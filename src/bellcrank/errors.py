@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bellcrank.printable_text import one_line, printable
+from bellcrank.messages import one_line, printable
 
 
 class BellcrankError(Exception):

@@ -18,8 +18,7 @@ from typing import IO, TYPE_CHECKING, Any
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
-from bellcrank.messages import unknown_name
-from bellcrank.printable_text import readable
+from bellcrank.messages import readable, unknown_name
 from bellcrank.terminal import interruption
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ _HOME = {
     "RunSensitivity": "simulation.sensitivities.sensitivities",
     "EventSensitivity": "simulation.sensitivities.sensitivities",
     "Linearisation": "analysis.linearisation",
-    "Mode": "analysis.mode",
+    "Mode": "analysis.modes",
     "RootLoci": "analysis.root_loci",
     "FloquetModes": "analysis.floquet",
     "DesignSelection": "studies.selection.design_selection",
@@ -33,8 +33,8 @@ _HOME = {
     "LimitCost": "planning.fastest_motion",
     "Sensitivity": "studies.results.sensitivity",
     "SampleStatistics": "studies.results.sample_statistics",
-    "SceneDerivatives": "dynamics.equations.scene_derivatives",
-    "Slopes": "dynamics.equations.scene_derivatives",
+    "SceneDerivatives": "dynamics.equations.scene_functions",
+    "Slopes": "dynamics.equations.scene_functions",
     "Mobility": "dynamics.constraints.mobility",
 }
 __all__ = [  # written out, because type checkers do not evaluate it
@@ -73,10 +73,10 @@ __all__ = [  # written out, because type checkers do not evaluate it
 if TYPE_CHECKING:
     from bellcrank.analysis.floquet import FloquetModes
     from bellcrank.analysis.linearisation import Linearisation
-    from bellcrank.analysis.mode import Mode
+    from bellcrank.analysis.modes import Mode
     from bellcrank.analysis.root_loci import RootLoci
     from bellcrank.dynamics.constraints.mobility import Mobility
-    from bellcrank.dynamics.equations.scene_derivatives import SceneDerivatives, Slopes
+    from bellcrank.dynamics.equations.scene_functions import SceneDerivatives, Slopes
     from bellcrank.planning.cycle_result import RepeatedCycle
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.speed_scaling import SpeedFactor

@@ -14,7 +14,7 @@ from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.actuators.short_time_region import ShortTimeRegion
+from bellcrank.actuators.short_time_limits import ShortTimeRegion
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 

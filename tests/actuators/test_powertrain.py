@@ -14,7 +14,7 @@ from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.actuators.product_arrays import GearArrays, MotorArrays
-from bellcrank.sizing.selection.actuator_masses import body_of
+from bellcrank.sizing.selection.axis_pairs import body_of
 
 MOTOR: dict[str, Any] = {
     "torque_constant": 0.08,

@@ -14,9 +14,8 @@ from thermal_reference import ALPHA, euler_sheet, integrated, model
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.product_arrays import MotorArrays
-from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
+from bellcrank.actuators.thermal import HeatCycle, Kernel, ThermalModel, temperatures
 from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
-from bellcrank.actuators.thermal_interval import Kernel
 from bellcrank.errors import InputError
 
 # Motor Thermal Calculator, A. M. Johnson, Carnegie Mellon University (CC BY 4.0): 24 N m behind a gear of 80, for 30 s

@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 from thermal_reference import ALPHA, cycle_matrix, integrated, model
 
 from bellcrank.actuators.thermal import HeatCycle, ThermalModel, temperatures
-from bellcrank.actuators.thermal_cycle import periodic_temperatures, time_to_limit
-from bellcrank.actuators.thermal_path import CyclePath
+from bellcrank.actuators.thermal_cycle import CyclePath, periodic_temperatures, time_to_limit
 
 
 def cycle(durations: Any, copper: Any, friction: Any = 0.0) -> HeatCycle:

@@ -11,7 +11,7 @@ import pytest
 
 from bellcrank.cli import main
 from bellcrank.codegen import tracer
-from bellcrank.commands import installation
+from bellcrank.commands import doctor as doctor_command
 from bellcrank.commands.demo import DEMONSTRATIONS
 from bellcrank.commands.parser import COMMANDS
 from bellcrank.errors import BellcrankError, InputError
@@ -113,11 +113,11 @@ def test_a_missing_browser_is_told_apart_and_does_not_stop_the_work(capsys, tmp_
 
 def test_a_package_that_is_missing_or_out_of_range_is_a_fault(monkeypatch):
     monkeypatch.setattr(
-        installation,
+        doctor_command,
         "_requirements",
         lambda: [("numpy", "numpy>=99", ""), ("no-such-package", "no-such-package>=1", ""), ("scipy", "scipy", "")],
     )
-    found = {it.subject: it for it in installation._packages()}
+    found = {it.subject: it for it in doctor_command._packages()}
     assert found["numpy"].state == "fault" and "expected: numpy>=99" in found["numpy"].text
     assert found["no-such-package"].text == "is not installed"
     assert found["packages"].text.startswith("scipy ")
@@ -125,9 +125,11 @@ def test_a_package_that_is_missing_or_out_of_range_is_a_fault(monkeypatch):
 
 def test_without_example_robot_data_only_its_robots_are_missing(monkeypatch):
     """The rest works: the package holds no more than robots."""
-    monkeypatch.setattr(installation, "_requirements", lambda: [("example-robot-data", "example-robot-data>=6,<7", "")])
-    monkeypatch.setattr(installation, "_installed", lambda name: None)
-    assert [it.state for it in installation._packages()] == ["missing", "ok"]
+    monkeypatch.setattr(
+        doctor_command, "_requirements", lambda: [("example-robot-data", "example-robot-data>=6,<7", "")]
+    )
+    monkeypatch.setattr(doctor_command, "_installed", lambda name: None)
+    assert [it.state for it in doctor_command._packages()] == ["missing", "ok"]
     monkeypatch.setattr(catalog, "example_folders", lambda: ())
     monkeypatch.setattr(catalog, "_examples", dict)  # it is kept for the whole process
     with pytest.raises(InputError, match=r"unknown robot 'ur5'.*pip install example-robot-data"):
@@ -138,8 +140,8 @@ def test_a_fault_of_one_look_does_not_hide_the_others(monkeypatch):
     def broken():
         raise RuntimeError("broken")
 
-    monkeypatch.setattr(installation, "_processor", broken)
-    found = {it.subject: it for it in installation.findings()}
+    monkeypatch.setattr(doctor_command, "_processor", broken)
+    found = {it.subject: it for it in doctor_command.findings()}
     assert found["processor"].state == "fault" and "broken" in found["processor"].text
     assert found["compiling"].state == "ok"
 

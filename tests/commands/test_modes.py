@@ -86,7 +86,7 @@ def test_floquet_multipliers_of_a_period(tmp_path, capsys):
 def test_the_modes_of_the_bicycle_move_on_their_page(tmp_path, capsys):
     """Positions of the film stay on the floor: the page is made of postures that satisfy the constraints."""
     from bellcrank.analysis.linearise import linearise
-    from bellcrank.replays.film.mode_film import SECONDS, film_of_modes
+    from bellcrank.replays.film.posture_films import SECONDS, film_of_modes
     from bellcrank.scene.scene import load_scene
 
     scene = load_scene(write_bicycle(tmp_path, 5.0))

@@ -9,7 +9,7 @@ import pytest
 from own_products import write_products
 
 import bellcrank as bc
-from bellcrank.actuators.condition_fields import KEYS
+from bellcrank.actuators.actuator_fields import KEYS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.cli import main
 from bellcrank.commands.select import conditions, parse_assumed, parse_kept, products

@@ -17,9 +17,9 @@ from bellcrank.cli import main
 from bellcrank.commands.options import parse_payload
 from bellcrank.commands.size import parse_share
 from bellcrank.errors import InputError
+from bellcrank.messages import file_name
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.csv_file import read_motion, write_motion
-from bellcrank.printable_text import file_name
 from bellcrank.scene.robot_config import RobotConfig
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.size import size

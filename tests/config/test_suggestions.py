@@ -8,7 +8,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.arguments import named
 from bellcrank.config.fields import parse_number
-from bellcrank.config.numbers import decimal_comma
+from bellcrank.config.units import decimal_comma
 
 PENDULUM = (Path(__file__).parents[2] / "robots" / "geared_pendulum.yaml").read_text()
 

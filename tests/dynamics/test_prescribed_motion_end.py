@@ -10,7 +10,7 @@ from bellcrank.cli import main
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion, join
 from bellcrank.motion.sampled.csv_file import write_motion
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 SCENE = """

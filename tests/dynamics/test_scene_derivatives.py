@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 import bellcrank as bc
-from bellcrank.analysis.independent_states import independent_states
-from bellcrank.analysis.operating_point import operating_point
-from bellcrank.analysis.symmetries import project, symmetries_of
+from bellcrank.analysis.operating_point import independent_states, operating_point
+from bellcrank.analysis.symmetries import adjoint, project, symmetries_of
 from bellcrank.dynamics.equations.linear_equations import equation_code
 from bellcrank.dynamics.equations.system import system_of, system_parameters
-from bellcrank.dynamics.equations.tangent_space import adjoint
 from bellcrank.dynamics.postures.consistent_start import consistent_start, displaced
 from tests.support.extrapolated import slope
 

@@ -8,7 +8,7 @@ from bellcrank.dynamics.constraints.constraint_alignment import full_angle_resid
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 ROBOT = """<robot name="chain"><link name="ground"/>

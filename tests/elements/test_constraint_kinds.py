@@ -15,7 +15,7 @@ from bellcrank import load_run, load_scene, simulate
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
 from bellcrank.dynamics.postures.consistent_start import consistent_posture, consistent_velocity
-from bellcrank.elements.constraint_importers import read_gepetto
+from bellcrank.elements.constraints import read_gepetto
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.scene.settings import Settings, Stabilisation, stabilisation

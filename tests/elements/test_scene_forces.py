@@ -18,7 +18,7 @@ from bellcrank.elements.signals import motion_signal
 from bellcrank.elements.symbols import Symbols
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion
-from bellcrank.scene.equation_symbols import EquationSymbols
+from bellcrank.scene.output_quantities import EquationSymbols
 from bellcrank.scene.scene import load_scene
 
 HOOK = {"hook": {"link": "tip", "xyz": [0.1, 0.05, 0]}}

@@ -25,7 +25,7 @@ from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files import atomic_write, temporaries
 from bellcrank.simulation.files import checkpoints
 from bellcrank.studies import sweep
-from bellcrank.studies.designs.design_ranges import DesignRange
+from bellcrank.studies.designs.design_space import DesignRange
 from bellcrank.studies.execution.execution import Part
 from bellcrank.studies.results.study_columns import StudyColumns
 from bellcrank.terminal import interruption

@@ -23,7 +23,7 @@ import numpy as np
 
 import bellcrank as bc
 from bellcrank.cli import main
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 
 LONGEST = 5000  # letters of a message
 

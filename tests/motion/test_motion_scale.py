@@ -11,10 +11,10 @@ import bellcrank as bc
 from bellcrank.elements.force_table import read_table, table_signal
 from bellcrank.errors import InputError
 from bellcrank.motion.generators.waypoints import waypoints
-from bellcrank.motion.magnitude_limits import LARGEST, LONGEST, SHORTEST, check_times
+from bellcrank.motion.limit_checks import LARGEST, LONGEST, SHORTEST, check_times
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.csv_file import read_motion
-from bellcrank.motion.sampled.hermite import quintic
+from bellcrank.motion.sampled.quintic_splines import quintic
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bellcrank as bc
-from bellcrank.motion.generators.blends import blended, straight
-from bellcrank.motion.generators.path_timing import Section, timing
+from bellcrank.motion.generators.blends import Section, blended, straight, timing
 
 Array = NDArray[np.float64]
 # Distance, speed, acceleration, jerk, duration from rest to rest: figures of the package ruckig 0.19.4 (one joint).

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
 
 from bellcrank.errors import InputError
-from bellcrank.motion.generators.quintic_spline import QuinticSpline
+from bellcrank.motion.sampled.quintic_splines import QuinticSpline
 
 
 @settings(deadline=None, max_examples=60)

@@ -13,8 +13,8 @@ from bellcrank.motion.generators.profile import profile
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.acceleration_jumps import with_jumps
 from bellcrank.motion.sampled.csv_file import read_motion, write_motion
-from bellcrank.motion.sampled.differentiation import smooth_pieces
-from bellcrank.motion.sampled.file_precision import rounding_of
+from bellcrank.motion.sampled.file_checks import rounding_of
+from bellcrank.motion.sampled.sampled_motion import smooth_pieces
 
 ELBOW = -0.7  # the elbow moves by this share of the shoulder
 TELLS = ("too far apart", "does not agree", "rounded to", "rests on interpolation")

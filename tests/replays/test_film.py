@@ -10,11 +10,10 @@ from page_series import decoded
 
 import bellcrank as bc
 from bellcrank.errors import InputError
-from bellcrank.motion.kinematics.quaternions import from_matrices, make_continuous, multiply, rotate
-from bellcrank.motion.sampled.hermite import smooth_between
+from bellcrank.motion.kinematics.rotations import from_matrices, make_continuous, multiply, rotate
+from bellcrank.motion.sampled.quintic_splines import smooth_between
 from bellcrank.motion.sampled.resampling import extreme_rows
-from bellcrank.replays.film.arrow_scale import arrow_scales
-from bellcrank.replays.film.arrows import RunFrames, run_arrows
+from bellcrank.replays.film.arrows import RunFrames, arrow_scales, run_arrows
 from bellcrank.replays.film.camera import ASPECT, HALF_VIEW, CameraScene, choose_camera, fit_camera, motion_plane_normal
 from bellcrank.replays.film.decimation import frame_rows, interpolation_error, line_rows
 from bellcrank.replays.film.film import check_film
@@ -24,7 +23,7 @@ from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_p
 from bellcrank.replays.film.sizing_film import film_of_sizing
 from bellcrank.replays.geometry.shapes import DrawnBody, DrawnShape, Mesh, bounding_boxes, outlines, world_corners
 from bellcrank.replays.page.film_encoding import encode_film
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 
 SCENE = """
 name: Arm under forces

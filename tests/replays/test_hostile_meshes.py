@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from mesh_texts import CUBE, FACES, binary_stl, dae, no_file, visual, write_urdf
 
-from bellcrank.replays.geometry.colours import Textures, texture_colour
-from bellcrank.replays.geometry.mesh_limits import MOST_FACES, MeshError
+from bellcrank.replays.geometry.mesh_files import MOST_FACES, MeshError
 from bellcrank.replays.geometry.mesh_simplification import weld
 from bellcrank.replays.geometry.meshes import load_meshes, named_files, read_parts
+from bellcrank.replays.geometry.shapes import Textures, texture_colour
 from bellcrank.replays.geometry.visuals import robot_bodies
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from bellcrank.errors import InputError
-from bellcrank.replays.film.arrow_scale import arrow_scales
+from bellcrank.replays.film.arrows import arrow_scales
 from bellcrank.replays.film.film import (
     Arrow,
     BodyLayer,

@@ -13,7 +13,7 @@ from PIL import Image
 import bellcrank as bc
 from bellcrank.commands import replay as command
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.replays.page import headless_browser, rendering
+from bellcrank.replays.page import rendering
 from bellcrank.replays.replay import replay
 
 ARM = """
@@ -28,7 +28,7 @@ SMALL = (160, 120)
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     try:
-        headless_browser.find_browser()
+        rendering.find_browser()
     except InputError as error:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(str(error))
     folder = tmp_path_factory.mktemp("page")
@@ -38,7 +38,7 @@ def page(tmp_path_factory):
 
 @pytest.fixture
 def no_browser(monkeypatch):
-    monkeypatch.setattr(headless_browser.shutil, "which", lambda name: None)
+    monkeypatch.setattr(rendering.shutil, "which", lambda name: None)
 
 
 def colours(picture):
@@ -171,7 +171,7 @@ def test_a_film_that_is_interrupted_leaves_nothing_and_stops_the_encoder(page, t
 
 @pytest.mark.tier2
 def test_a_page_that_does_not_draw_is_told_of(page, tmp_path, monkeypatch):
-    monkeypatch.setattr(headless_browser, "TIMEOUT", 500)
+    monkeypatch.setattr(rendering, "TIMEOUT", 500)
     (tmp_path / "blank.html").write_text("<p>nothing</p>")
     with pytest.raises(BellcrankError, match=r"blank.html: the browser .* could not draw it: .*Timeout 500ms"):
         rendering.render_still(tmp_path / "blank.html", tmp_path / "a.png")

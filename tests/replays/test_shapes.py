@@ -10,7 +10,7 @@ import pytest
 from mesh_texts import CUBE, FACES, QUADS, ascii_stl, ball, binary_stl, dae, no_file, obj, visual, volume, write_urdf
 
 import bellcrank as bc
-from bellcrank.replays.geometry.mesh_limits import MeshError
+from bellcrank.replays.geometry.mesh_files import MeshError
 from bellcrank.replays.geometry.mesh_simplification import Simplifier, weld
 from bellcrank.replays.geometry.meshes import named_files, read_parts
 from bellcrank.replays.geometry.visuals import robot_bodies

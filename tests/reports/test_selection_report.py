@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sample_selection import BARE, FULL, HARMONIC, PLANET, SILENT, STRONG, candidate, candidates, selection
 
-from bellcrank.actuators.condition_fields import KEYS
+from bellcrank.actuators.actuator_fields import KEYS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
 from bellcrank.replays.film.selection_film import LINK_OPACITY, STRIPES, film_of_selection

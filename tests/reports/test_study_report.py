@@ -15,11 +15,9 @@ from bellcrank.errors import InputError
 from bellcrank.replays.film.design_film import TOLERANCE, film_of_designs
 from bellcrank.reports import study_data
 from bellcrank.reports.document import Still
-from bellcrank.reports.live_study import live_study
-from bellcrank.reports.study_data import DEFAULT_VIEW, encoded_study, representative_rows, study_film
+from bellcrank.reports.study_data import DEFAULT_VIEW, encoded_study, live_study, representative_rows, study_film
 from bellcrank.reports.study_report import study_document, write_study
-from bellcrank.studies.designs.samples import Sample
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.samples import Sample, SensitivitySample
 from bellcrank.studies.results.study_columns import StudyColumns
 
 pytest_plugins = ("browser",)

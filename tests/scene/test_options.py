@@ -12,7 +12,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.config.fields import parse_number
-from bellcrank.config.numbers import decimal_number, split_number, whole_number
+from bellcrank.config.units import decimal_number, split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.scene.overrides import parse_assignment

@@ -8,7 +8,7 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.actuators.mount import Mount
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.errors import InputError
-from bellcrank.motion.duty_program import DutyStep
+from bellcrank.motion.motion_entry import DutyStep
 from bellcrank.simulation.trajectory.scene_notes import scene_notes
 
 ACTUATOR = "{ratio: 50, rated_torque: 1, peak_torque: 3, rated_speed: 300, max_speed: 500, rotor_inertia: 1.0e-5}"

@@ -1,4 +1,4 @@
-"""Baumgarte's gains: what baumgarte_gains.py claims of drift, order and work, on the 4-bar and the rolling disk."""
+"""Baumgarte's gains: what automatic_gains.py claims of drift, order and work, on the 4-bar and the rolling disk."""
 
 import json
 from dataclasses import replace
@@ -10,7 +10,7 @@ from bellcrank import InputError
 from bellcrank.cli import main
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Settings, Stabilisation
-from bellcrank.simulation.integration.baumgarte_gains import PER_RATE, automatic_gains, drift_bound
+from bellcrank.simulation.integration.automatic_gains import PER_RATE, automatic_gains, drift_bound
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.measurements import gain_map
 from bellcrank_bench.measurements.gain_map import stabilised

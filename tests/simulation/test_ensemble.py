@@ -11,7 +11,7 @@ from scene_ensemble import SceneEnsemble, assert_equal_rows
 from bellcrank import _step
 from bellcrank.codegen import llvm as machine
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 
 STATUSES = tuple(Status)
 PICK = {"control.motors": {"kind": "pd", "motion": "pick", "kp": 8, "kd": 0.3}}

@@ -11,13 +11,13 @@ import bellcrank as bc
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.cli import main
 from bellcrank.commands.result_argument import verdict_of
+from bellcrank.dynamics.constraints.mobility import rank_of
 from bellcrank.elements.expression import parse_expression
 from bellcrank.elements.rolling_constraint import RollingDisk
-from bellcrank.simulation.integration.constraint_rank import rank_of
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.trajectory.non_finite import EACH
 from bellcrank.simulation.trajectory.scene_notes import scene_notes
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint
+from bellcrank.sizing.loads.load_checks import refuse_non_finite_joint
 from bellcrank.sizing.loads.motion_grid import root_mean_square
 from bellcrank.studies.sweep import sweep
 

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bellcrank as bc
-from bellcrank.actuators.condition_fields import KEYS, OF_AN_AXIS, UNITS, condition_data, given_conditions
+from bellcrank.actuators.actuator_fields import KEYS, OF_AN_AXIS, UNITS, condition_data, given_conditions
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
-from bellcrank.sizing.axis_conditions import conditions_of
+from bellcrank.sizing.drive_verdicts import conditions_of
 
 MOTOR = "motor: {id: m, nominal_torque: 1 N m, rotor_inertia: 1.0e-5}, gear: {id: g, kind: spur, ratio: 5}"
 ROBOT = {  # a value for every key, none of which is a default

@@ -13,7 +13,7 @@ from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import BellcrankError
 from bellcrank.studies.designs.plain_axes import ValueKind, plain_axes
 from bellcrank.studies.designs.scene_designs import SceneDesigns
-from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.design_runner import infeasible_reason
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def test_designs_with_other_equations_are_made_alone(monkeypatch):
         found = whole(scene, own, threads)
         return found._replace(alike=np.arange(len(own)) % 3 == 0)
 
-    monkeypatch.setattr("bellcrank.studies.designs.variant_designs.design_parameters", doubtful)
+    monkeypatch.setattr("bellcrank.studies.designs.scene_designs.design_parameters", doubtful)
     found = SceneDesigns(scene, axes).block(values)
     (group,), (other,) = expected.groups, found.groups
     np.testing.assert_array_equal(other.rows, group.rows)

@@ -10,8 +10,7 @@ from scipy import stats
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.studies.designs.design_space import DesignSpace
-from bellcrank.studies.designs.samples import Sample
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.samples import Sample, SensitivitySample
 from bellcrank.studies.execution.study import run_study
 from bellcrank.studies.results.study_columns import StudyColumns
 from bellcrank.studies.results.sweep_result import Sweep

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from bellcrank.errors import InputError
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
-from bellcrank.studies.results.sobol_indices import block_indices, measure_indices
+from bellcrank.studies.designs.samples import SensitivitySample
+from bellcrank.studies.results.sensitivity import block_indices, measure_indices
 from bellcrank.studies.results.study_columns import StudyColumns
 
 A, B = 7.0, 0.1  # T. Ishigami, T. Homma, ISUMA '90 (1990) 398-403

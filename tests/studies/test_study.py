@@ -16,15 +16,13 @@ import small_study
 from small_study import SmallRunner, SmallSpace, expected_columns, same_columns
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies.designs.design_ranges import LARGEST, DesignRange, RangeSize, UndoneDesigns, true_ranges
+from bellcrank.studies.designs.design_space import LARGEST, DesignRange, RangeSize, UndoneDesigns, true_ranges
 from bellcrank.studies.execution import study_folder
-from bellcrank.studies.execution.execution import Part
+from bellcrank.studies.execution.execution import LocalExecutor, Part
 from bellcrank.studies.execution.executors import choose_executor
-from bellcrank.studies.execution.local_execution import LocalExecutor
 from bellcrank.studies.execution.software_and_processor import differences, environment
 from bellcrank.studies.execution.study import run_study
-from bellcrank.studies.execution.study_folder import NAME, FolderLock, StudyFolder
-from bellcrank.studies.execution.study_rows import StudyRows
+from bellcrank.studies.execution.study_folder import NAME, FolderLock, StudyFolder, StudyRows
 from bellcrank.studies.results.study_columns import StudyColumns
 from tests.campaigns.kills_of_a_study import check
 

@@ -12,10 +12,10 @@ import bellcrank as bc
 from bellcrank.studies.designs.axes import read_axis
 from bellcrank.studies.designs.design_space import DesignSpace
 from bellcrank.studies.designs.samples import Sample
-from bellcrank.studies.results import sweep_files
+from bellcrank.studies.results import sweep_tables
 from bellcrank.studies.results.study_columns import StudyColumns, varies
-from bellcrank.studies.results.sweep_files import write_tables
 from bellcrank.studies.results.sweep_result import Sweep
+from bellcrank.studies.results.sweep_tables import write_tables
 
 UNITS = {"lock.time": "s", "lock.crank": "rad", "end.work": "J"}
 STATUSES = ("finished", "event", "infeasible", "unknown")
@@ -142,19 +142,19 @@ def test_every_kind_of_file_reads_back_exactly(vary, sample, done, tmp_path):
 
 
 def test_few_designs_are_written_as_csv_and_json_and_many_as_parquet_or_arrays(tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_files, "MOST_JSON", 10)
-    monkeypatch.setattr(sweep_files, "MOST_CSV", 20)
+    monkeypatch.setattr(sweep_tables, "MOST_JSON", 10)
+    monkeypatch.setattr(sweep_tables, "MOST_CSV", 20)
 
     def written(count):
         result = made_up({"crank_length": f"1:2:{count}"})
         files = [path.name for path in write_tables(result, tmp_path)]
         assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)  # none is left of another sweep
-        return files, sweep_files.file_note(result)
+        return files, sweep_tables.file_note(result)
 
     assert written(10) == (["sweep.csv", "sweep.json"], "")
     assert written(20) == (["sweep.csv"], " (JSON is written of at most 10 designs)")
     assert written(21) == (["sweep.parquet"], " (CSV is written of at most 20 designs)")
-    monkeypatch.setattr(sweep_files, "has_pyarrow", lambda: False)
+    monkeypatch.setattr(sweep_tables, "has_pyarrow", lambda: False)
     files, note = written(21)
     assert files == ["sweep.npz"] and "pip install 'bellcrank[parquet]'" in note
 

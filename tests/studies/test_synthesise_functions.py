@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies.synthesis.four_bar_range import FourBarsOverRange
+from bellcrank.studies.synthesis.four_bar import FourBarsOverRange
 from bellcrank.studies.synthesis.linkage import FourBar
 from bellcrank.studies.synthesis.placement import FunctionTask
 from bellcrank.studies.synthesis.slider_crank import SliderCranks

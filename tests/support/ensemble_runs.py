@@ -4,7 +4,7 @@ import numpy as np
 
 from bellcrank import _step
 from bellcrank.codegen import llvm as machine
-from bellcrank.simulation.integration.ensemble_problem import EnsembleProblem, EnsembleResult, LaneKernels
+from bellcrank.simulation.integration.ensemble import EnsembleProblem, EnsembleResult, LaneKernels
 
 COLUMNS = (
     "done", "status", "end_time", "end_state", "event_count", "event_time", "event_state", "stopped_by", "unresolved",

@@ -8,7 +8,7 @@ from lone_measures import measure_name, reason, run_measures, start_measures, un
 
 import bellcrank as bc
 from bellcrank.studies.designs.axes import read_axis
-from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.design_runner import infeasible_reason
 from bellcrank.studies.execution.simulation_runner import SimulationRunner
 
 ROWS, WINDOW = 20_001, 1001  # in which extremes are looked for, and again around them

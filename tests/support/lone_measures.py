@@ -16,7 +16,7 @@ import numpy as np
 
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.studies.results.measures import target_events
 
 

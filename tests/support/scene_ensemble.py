@@ -9,9 +9,8 @@ import bellcrank as bc
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.integration.ensemble import EnsembleStarts, integrate_ensemble
-from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.ensemble import EnsembleResult, EnsembleStarts, integrate_ensemble
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 COLUMNS = (

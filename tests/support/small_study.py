@@ -98,7 +98,7 @@ def digest(columns):
 
 
 def main(folder, count, seconds, checkpoint_every):
-    from bellcrank.studies.execution.local_execution import LocalExecutor
+    from bellcrank.studies.execution.execution import LocalExecutor
     from bellcrank.studies.execution.study import run_study
     from bellcrank.studies.execution.study_folder import StudyFolder
 

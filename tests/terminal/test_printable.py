@@ -10,7 +10,7 @@ import bellcrank as bc
 from bellcrank import InputError
 from bellcrank.cli import main
 from bellcrank.files.csv_files import guarded, unguarded
-from bellcrank.printable_text import printable
+from bellcrank.messages import printable
 from bellcrank.terminal.streams import printable_streams
 
 ARM = """<robot name="r{evil}"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>

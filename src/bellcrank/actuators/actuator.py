@@ -28,7 +28,7 @@ from bellcrank.actuators.electrical import electrical_power, electrical_torque
 from bellcrank.actuators.gear import DIRECT, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.actuators.short_time_region import ShortTimeRegion
+from bellcrank.actuators.short_time_limits import ShortTimeRegion
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import InputError

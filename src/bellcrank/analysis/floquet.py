@@ -16,14 +16,11 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.analysis.independent_states import independent_states, state_names
-from bellcrank.analysis.modal_analysis import Quotient, eigen
-from bellcrank.analysis.mode import pair
-from bellcrank.analysis.operating_point import operating_point, state_units
-from bellcrank.analysis.symmetries import symmetries_of
+from bellcrank.analysis.modes import Quotient, eigen, pair
+from bellcrank.analysis.operating_point import independent_states, operating_point, state_names, state_units
+from bellcrank.analysis.symmetries import adjoint, symmetries_of
 from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
-from bellcrank.dynamics.equations.tangent_space import adjoint
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
 from bellcrank.robot.robot import Robot

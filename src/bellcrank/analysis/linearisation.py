@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.analysis.mode import Mode, pair
+from bellcrank.analysis.modes import Mode, pair
 from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.errors import BellcrankError, InputError
@@ -125,7 +125,7 @@ class Linearisation:
         """Whether no mode grows; None where the operating point is not steady. Undamped oscillations do not grow."""
         if not self.steady:
             return None
-        return all(mode.eigenvalue.real <= 0.0 for mode in self.modes)  # rounding errors are 0 (modal_analysis.py)
+        return all(mode.eigenvalue.real <= 0.0 for mode in self.modes)  # rounding errors are 0 (modes.py)
 
     @property
     def drifts(self) -> bool:
@@ -192,7 +192,7 @@ class Linearisation:
             >>> bc.linearise(bc.load_scene("pendulum")).mode_rows()[0][:4]
             ('1', '0 ± 3.13209i', '0.498488', '0')
         """
-        from bellcrank.analysis.mode_table import mode_cells
+        from bellcrank.analysis.modes import mode_cells
 
         return [(str(k + 1), *mode_cells(self, mode)) for k, mode in enumerate(self.modes)]
 
@@ -207,7 +207,7 @@ class Linearisation:
             >>> print(bc.linearise(bc.load_scene("pendulum")).table().splitlines()[0])
             Simple pendulum: equilibrium, stable
         """
-        from bellcrank.analysis.mode_table import mode_table
+        from bellcrank.analysis.modes import mode_table
 
         return mode_table(self)
 

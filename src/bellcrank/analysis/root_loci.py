@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from bellcrank import arguments
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.linearise import linearise
-from bellcrank.analysis.mode import pair
+from bellcrank.analysis.modes import pair
 from bellcrank.arguments import Progress
 from bellcrank.arrays import Array, Complex
 from bellcrank.errors import InputError

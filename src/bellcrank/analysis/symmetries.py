@@ -6,7 +6,7 @@ Candidates are the one-parameter groups
 - of every joint of several degrees of freedom: moved on its parent ("left": a free base moved or turned in the world),
   or turned in its own axes ("right": a disk about its own axis), where v turns too.
 
-As fields on the state (q, v), with a displacement a of the position (tangent_space.py) and a change b of v,
+As fields on the state (q, v), with a displacement a of the position (below) and a change b of v,
 
     left: a = Ad(q)⁻¹ e, b = 0;     right: a = η, b = ad(v) η;     shift: a = unit vector, b = 0.
 
@@ -17,6 +17,14 @@ A linear combination of them is a symmetry if it is carried along by the lineari
 and keeps the constraints, ∂φ/∂δ a = 0 and ∂w/∂δ a + J b = 0. That is linear in the coefficients and is solved at some
 random states that satisfy the constraints. Source: Marsden & Ratiu, Introduction to Mechanics and Symmetry, 2nd ed.,
 9.3.
+
+A displacement δ (nv) is a right increment: the position q ⊕ δ is q moved for a unit of time along E(q) δ, so that δ
+is in the axes of the velocity v. For a free base that is a translation (m) and a rotation vector (rad) in the base's
+own axes, for a joint of one degree of freedom the change of its coordinate.
+
+If q moves with v, and a neighbouring position q ⊕ δ with v + δv, then δ̇ = δv − ad(v) δ: the axes of δ turn with the
+body. Source: Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation (1994), 2.4; Selig, Geometric
+Fundamentals of Robotics (2005), 4.3.
 """
 
 from __future__ import annotations
@@ -29,17 +37,44 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import velocity_units
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
-from bellcrank.dynamics.equations.tangent_space import adjoint, cross
 from bellcrank.dynamics.postures.consistent_start import consistent_velocities, displaced
 from bellcrank.dynamics.postures.posture_search import PostureSearch, scene_as_design, search_postures
 from bellcrank.errors import InputError
-from bellcrank.motion.kinematics.quaternions import rotate
+from bellcrank.motion.kinematics.rotations import rotate
 from bellcrank.numerics import svd
 from bellcrank.robot.model.joints import RobotJoint
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
+
+
+def cross(vector: Array) -> Array:
+    """The matrix (3, 3) of the cross product with a vector (3,)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def adjoint(robot: Robot, v: Array) -> Array:
+    """ad(v) (nv, nv), joint by joint: the Lie bracket [v, δ] = ad(v) δ; 0 for one degree of freedom."""
+    matrix = np.zeros((robot.nv, robot.nv))
+    for joint in robot.joints:
+        part = slice(joint.v, joint.v + joint.nv)
+        matrix[part, part] = _joint_adjoint(joint, v[part])
+    return matrix
+
+
+def _joint_adjoint(joint: RobotJoint, v: Array) -> Array:
+    if joint.kind == "spherical":
+        return cross(v)
+    if joint.kind == "floating":
+        spin = cross(v[3:])
+        return np.block([[spin, cross(v[:3])], [np.zeros((3, 3)), spin]])
+    if joint.kind == "planar":  # (x, y, angle): the plane motions among the spatial ones
+        x, y, rate = v
+        return np.array([[0.0, -rate, y], [rate, 0.0, -x], [0.0, 0.0, 0.0]])
+    return np.zeros((joint.nv, joint.nv))
+
 
 STATES = 3  # random states in which the conditions must hold
 ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one

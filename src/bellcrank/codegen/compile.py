@@ -22,8 +22,7 @@ from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.expression_graph import Graph, graph_of
 from bellcrank.codegen.kernels import KINDS
 from bellcrank.codegen.locks import making
-from bellcrank.codegen.machine_code import MachineCode, Source
-from bellcrank.codegen.recipe import Recipe
+from bellcrank.codegen.machine_code import MachineCode, Recipe, Source
 from bellcrank.errors import CompileError, InputError
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ into a buffer with one vector an entry, so that the body reads and writes whole 
 from __future__ import annotations
 
 from bellcrank.codegen.expression_graph import Graph
-from bellcrank.codegen.llvm_ir import METADATA, operations
-from bellcrank.codegen.vector_math import Lanes
+from bellcrank.codegen.llvm_ir import METADATA, Lanes, operations
 
 
 def _transpose(lanes: Lanes, tag: str, rows: list[str]) -> tuple[list[str], list[str]]:

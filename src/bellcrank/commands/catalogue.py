@@ -7,8 +7,7 @@ import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import number_option
-from bellcrank.commands.output_files import output_path
+from bellcrank.commands.options import number_option, output_path
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
@@ -105,7 +104,7 @@ def _refuse_unused(arguments: argparse.Namespace) -> None:
 def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from bellcrank.actuators.catalogue.catalogue import Catalogue
     from bellcrank.actuators.catalogue.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
-    from bellcrank.actuators.catalogue.catalogue_writer import write_catalogue
+    from bellcrank.actuators.catalogue.catalogue_files import write_catalogue
     from bellcrank.commands.catalogue_tables import overview, write_json
 
     voltage = number_option("--voltage", arguments.voltage, "V", above=0.0)

@@ -13,7 +13,7 @@ from pathlib import Path
 from bellcrank.actuators.catalogue.catalogue import Catalogue
 from bellcrank.actuators.catalogue.catalogue_checks import checks_applied, contradictions
 from bellcrank.actuators.catalogue.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MOTOR_COLUMNS, QUALITIES, Column
-from bellcrank.actuators.catalogue.catalogue_curves import Placed, Product
+from bellcrank.actuators.catalogue.catalogue_tables import Placed, Product
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.config.units import RPM

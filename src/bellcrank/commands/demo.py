@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from bellcrank.commands.output_files import output_path
+from bellcrank.commands.options import output_path
 from bellcrank.commands.result_argument import verdict_of
 from bellcrank.commands.robots import title_and_uses
 

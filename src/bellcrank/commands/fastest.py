@@ -12,19 +12,19 @@ from bellcrank.commands.options import (
     add_robot_and_motions,
     add_set,
     add_trust,
+    list_on_failure,
     number_option,
     page_of,
     parse_payload,
     scene_with_changes,
     whole_option,
+    written,
 )
-from bellcrank.commands.output_files import list_on_failure, written
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
-from bellcrank.messages import format_value
+from bellcrank.messages import file_name, format_value
 from bellcrank.notes import reached
-from bellcrank.printable_text import file_name
 
 if TYPE_CHECKING:
     from bellcrank.planning.limits.motion_limits import MotionLimits
@@ -193,8 +193,7 @@ def _scaled(
     arguments: argparse.Namespace, given: tuple[Any, ...], factor: float | None, place: tuple[Path, list[Path]]
 ) -> int:
     from bellcrank.motion.sampled.csv_file import write_motion
-    from bellcrank.planning.factor_peaks import MOST
-    from bellcrank.planning.speed_scaling import speed_factor
+    from bellcrank.planning.speed_scaling import MOST, speed_factor
 
     scene, name, limits, payloads = given
     folder, files = place

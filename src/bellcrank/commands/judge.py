@@ -13,11 +13,11 @@ from bellcrank.commands.options import (
     add_set,
     add_trust,
     number_option,
+    output_path,
     parse_limit,
     parse_payload,
     scene_with_changes,
 )
-from bellcrank.commands.output_files import output_path
 from bellcrank.commands.select import add_conditions, conditions
 from bellcrank.commands.size import parse_share
 from bellcrank.errors import InputError

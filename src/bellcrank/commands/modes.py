@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import add_set, add_trust, number_option
-from bellcrank.commands.output_files import list_on_failure, output_path
+from bellcrank.commands.options import add_set, add_trust, list_on_failure, number_option, output_path
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name

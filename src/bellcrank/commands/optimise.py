@@ -7,8 +7,7 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bellcrank.commands.options import add_output_folder, add_trust, whole_option
-from bellcrank.commands.output_files import output_path, write_each, written
+from bellcrank.commands.options import add_output_folder, add_trust, output_path, whole_option, write_each, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.terminal.progress import counting
@@ -85,9 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Search. Exit code 0: a local optimum that keeps the limits, or a front of such optima; 1: none; 130: interrupted.
     The best designs are written in any case. Raises BellcrankError for invalid input.
     """
-    from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS
     from bellcrank.scene.overrides import parse_assignment
     from bellcrank.scene.scene import load_scene
+    from bellcrank.scene.study import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS
     from bellcrank.studies.designs.samples import LARGEST_SEED
     from bellcrank.studies.execution.executors import MOST_THREADS, MOST_WORKERS, choose_executor
     from bellcrank.studies.optimisation.front import run_front
@@ -167,7 +166,7 @@ def _bounds(text: str) -> tuple[str, Any]:
     Raises InputError.
     """
     from bellcrank.config.yaml_file import read_value
-    from bellcrank.scene.optimise_entry import STEPPED
+    from bellcrank.scene.study import STEPPED
 
     path, equals, given = text.partition("=")
     given, stepped, step = given.partition(" step ")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.output_files import output_path
+from bellcrank.commands.options import output_path
 from bellcrank.commands.result_argument import add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
     """One picture of everything over time, or one for the path of each frame."""
-    from bellcrank.printable_text import file_name
+    from bellcrank.messages import file_name
     from bellcrank.simulation.trajectory.run_plot import plot_run
 
     if not frames:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bellcrank.commands.options import add_live, number_option, size_option
-from bellcrank.commands.output_files import output_path
+from bellcrank.commands.options import add_live, number_option, output_path, size_option
 from bellcrank.commands.result_argument import add_other, add_result_argument, compute_or_load, stem, verdict_of
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, default_place

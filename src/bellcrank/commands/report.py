@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from bellcrank.commands.options import add_live
-from bellcrank.commands.output_files import output_path
+from bellcrank.commands.options import add_live, output_path
 from bellcrank.commands.result_argument import (
     add_other,
     add_result_argument,

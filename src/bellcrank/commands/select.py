@@ -15,14 +15,16 @@ from bellcrank.commands.options import (
     add_page,
     add_set,
     add_trust,
+    list_on_failure,
     number_option,
+    output_path,
     page_of,
     parse_limit,
     parse_payload,
     scene_with_changes,
     whole_option,
+    written,
 )
-from bellcrank.commands.output_files import list_on_failure, output_path, written
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
@@ -343,8 +345,8 @@ def _range(text: str) -> tuple[str, Any] | None:
 
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
     """The conditions that the options give, by the names of the fields. Raises InputError, which names the option."""
+    from bellcrank.actuators.actuator_fields import UNITS
     from bellcrank.actuators.catalogue.catalogue_row_checks import POSITIVE
-    from bellcrank.actuators.condition_fields import UNITS
     from bellcrank.actuators.conditions import CHOICES, RANGES
 
     given: dict[str, Any] = {}

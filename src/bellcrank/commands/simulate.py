@@ -16,11 +16,14 @@ from bellcrank.commands.options import (
     add_set,
     add_trust,
     checkpoint_every,
+    list_on_failure,
     number_option,
+    output_path,
     page_of,
     whole_option,
+    write_each,
+    written,
 )
-from bellcrank.commands.output_files import list_on_failure, output_path, write_each, written
 from bellcrank.errors import InputError, NotSavedError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.terminal.progress import bars
@@ -86,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bellcrank.scene.scene import load_scene
     from bellcrank.scene.settings import check_rows
     from bellcrank.simulation.files.checkpoints import checkpoint_folder, set_aside
-    from bellcrank.simulation.integration.status import Status
+    from bellcrank.simulation.integration.statistics import Status
     from bellcrank.simulation.simulate import simulate
     from bellcrank.terminal import interruption
 
@@ -158,7 +161,7 @@ def _others(
     result: Trajectory, folder: Path, arguments: argparse.Namespace
 ) -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """The files beside run.npz, and a function that writes each."""
-    from bellcrank.printable_text import file_name
+    from bellcrank.messages import file_name
 
     def csv(path: Path) -> None:
         with _row_bar(len(result)) as progress:
@@ -167,7 +170,7 @@ def _others(
     if arguments.csv:
         yield folder / "run.csv", csv
     if result.sensitivities:
-        from bellcrank.simulation.files.sensitivity_files import write_csv, write_npz
+        from bellcrank.simulation.files.run_csv import write_csv, write_npz
 
         found = [result.sensitivity(name) for name in result.sensitivities]
         yield folder / "sensitivities.csv", partial(write_csv, found)

@@ -14,12 +14,13 @@ from bellcrank.commands.options import (
     add_robot_and_motions,
     add_set,
     add_trust,
+    list_on_failure,
     number_option,
     page_of,
     parse_payload,
     scene_with_changes,
+    written,
 )
-from bellcrank.commands.output_files import list_on_failure, written
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import format_value

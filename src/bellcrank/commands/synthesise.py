@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.arrays import Array
-from bellcrank.commands.options import add_output_folder, whole_option
-from bellcrank.commands.output_files import output_path, write_each, written
+from bellcrank.commands.options import add_output_folder, output_path, whole_option, write_each, written
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import check_file, check_folder, default_place
 from bellcrank.files.json_files import write_json

@@ -10,13 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from bellcrank.config.numbers import decimal_comma, split_number
-from bellcrank.config.units import units_for
+from bellcrank.config.units import decimal_comma, split_number, units_for
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
-from bellcrank.messages import format_value, unknown_name
-from bellcrank.printable_text import file_name_here
+from bellcrank.messages import file_name_here, format_value, unknown_name
 
 _REQUIRED: Final = object()
 MOST_WHOLE = 10**9

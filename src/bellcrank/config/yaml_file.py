@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bellcrank.config.numbers import decimal_comma
+from bellcrank.config.units import decimal_comma
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_YAML, read_text
 from bellcrank.messages import format_value

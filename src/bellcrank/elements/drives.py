@@ -42,17 +42,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from bellcrank.actuators.copper import COPPER, REFERENCE
-from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.controller import Controller
 from bellcrank.elements.element import (  # fmt: skip
     NONNEGATIVE,
     POSITIVE,
+    AuxiliaryStates,
     GeneralisedForce,
+    HeldSource,
     Settable,
     joint_unit,
 )
 from bellcrank.elements.expression import Expression, Term
-from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_stops import GearContact
 from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.sampled_controllers import Instants

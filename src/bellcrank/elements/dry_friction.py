@@ -29,21 +29,22 @@ from bellcrank.elements.element import (  # fmt: skip
     POSITIVE,
     Force,
     GeneralisedForce,
+    HeldSource,
     Settable,
+    held_source,
     joint_named,
     joint_unit,
     number,
 )
 from bellcrank.elements.expression import Expression, Term, delayed
 from bellcrank.elements.formulas import FormulaReader
-from bellcrank.elements.held_inputs import HeldSource, held_source
 from bellcrank.elements.joint_forces import Friction, JointForce, Numbers, Shaft
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.auxiliary_states import AuxiliaryStates
+    from bellcrank.elements.element import AuxiliaryStates
     from bellcrank.elements.symbols import Symbols
 
 LAWS: Final = ("exponential", "hyperbolic")

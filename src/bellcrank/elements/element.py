@@ -2,6 +2,15 @@
 
 An element has a name, its entry in the scene file, and numbers that parameters can set. It adds expressions to the
 equations of motion of a robot and does not depend on the scene.
+
+States of elements (rotors, currents, integrals) follow q and v in the state x, and have rates of their own. Each
+element that has some names them, gives their rates, and their values at the start of a run as functions of the posture
+and the velocity there.
+
+Held inputs are entries of u that change at instants of a run only, and are found by it: the sides of switching joints,
+the samples of controllers. A scene's signals are known before a run; these are not. In the scene's signals they have
+their values at the start; the signals of a run have those that it found, as steps. In u they follow the other signals,
+the sides first.
 """
 
 from __future__ import annotations
@@ -9,21 +18,66 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
+import casadi
+import numpy as np
+
+from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
+from bellcrank.elements.signals import Signal, SignalSource
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
-    import casadi
-
-    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.expression import Expression, Term
-    from bellcrank.elements.held_inputs import HeldSource
-    from bellcrank.elements.signals import SignalSource
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
+
+
+@dataclass(frozen=True)
+class AuxiliaryStates:
+    """The states of one element.
+
+    Attributes:
+        name: Of the element.
+        labels: The name and unit of each, such as "rotor position [rad]".
+    """
+
+    name: str
+    labels: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """How many they are."""
+        return len(self.labels)
+
+
+@dataclass(frozen=True)
+class HeldSource(SignalSource):
+    """Entries that a run finds, with the values (width,) at its start."""
+
+    @property
+    def start(self) -> Array:
+        """The values at the start."""
+        values: Array = self.signal.coefficients[0, 0]
+        return values
+
+
+def held_source(name: str, start: Sequence[float]) -> HeldSource:
+    """Entries with these values at the start."""
+    return HeldSource(name, len(start), 0, partial(_constant, tuple(start)))
+
+
+def _constant(values: tuple[float, ...]) -> tuple[Signal, Array]:
+    return Signal(np.array([0.0, 1.0]), np.array(values)[None, None, :], 0, False), np.zeros(0)
+
+
+def found_signal(time: Array, values: Array) -> Signal:
+    """The signal with values (m, width) from the times (m,) s on, each until the next."""
+    return Signal(np.append(time, time[-1] + 1.0), values[:, None, :], 0, True)
+
 
 # Units at a revolute joint or screw, and at a prismatic joint.
 JOINT_UNITS: Final = {
@@ -121,7 +175,6 @@ class Element:
     @property
     def switch_sides(self) -> HeldSource | None:
         """The entries of u that hold the signs of `switches` during a run."""
-        from bellcrank.elements.held_inputs import held_source
 
         terms = self.switches
         return held_source(f"sides of {self.owner} {self.name}", [1.0] * len(terms)) if terms else None
@@ -138,7 +191,7 @@ class Element:
 
     @property
     def auxiliary(self) -> AuxiliaryStates | None:
-        """Its own states (auxiliary_states.py)."""
+        """Its own states."""
         return None
 
     def auxiliary_rate(self, symbols: Symbols) -> casadi.SX:

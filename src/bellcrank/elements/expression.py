@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
-from bellcrank.elements.auxiliary_states import AuxiliaryStates
+from bellcrank.elements.element import AuxiliaryStates
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot

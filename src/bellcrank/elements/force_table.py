@@ -18,14 +18,13 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
-from bellcrank.config.numbers import decimal_number
-from bellcrank.config.units import UNITS, units_for
+from bellcrank.config.units import UNITS, decimal_number, units_for
 from bellcrank.elements.signals import Signal, SignalSource
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import unguarded
 from bellcrank.messages import unknown_name
-from bellcrank.motion.magnitude_limits import LARGEST, check_size, check_times
+from bellcrank.motion.limit_checks import LARGEST, check_size, check_times
 
 INTERPOLATIONS = ("linear", "cubic", "hold")
 MOST_UNEVEN = 1e12  # the longest distance between rows of a cubic table by the shortest: beyond, rounding decides

@@ -15,8 +15,7 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
-from bellcrank.config.numbers import split_number
-from bellcrank.config.units import UNITS
+from bellcrank.config.units import UNITS, split_number
 from bellcrank.elements.expression import Expression, OutputTerm, Sides, Term, parse_expression
 from bellcrank.elements.force_table import CLOSEST, read_columns, table_text
 from bellcrank.errors import InputError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint, ReadContext, Residual
-from bellcrank.elements.controller_fields import read_motion_name
+from bellcrank.elements.controller import read_motion_name
 from bellcrank.elements.element import Settable, joint_unit, read_joint
 from bellcrank.elements.signals import SignalSource, motion_source
 from bellcrank.robot.robot import Robot, RobotJoint

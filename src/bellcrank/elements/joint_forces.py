@@ -29,7 +29,7 @@ from bellcrank.robot.robot import Robot, RobotJoint
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.auxiliary_states import AuxiliaryStates
+    from bellcrank.elements.element import AuxiliaryStates
     from bellcrank.elements.symbols import Symbols
 
 REQUIRED: Final = None  # as a default in NUMBERS

@@ -18,8 +18,7 @@ from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.dry_friction import KEY, DryFriction, friction_law
 from bellcrank.elements.element import Force
 from bellcrank.elements.joint_forces import NO_ROW, Shaft
-from bellcrank.elements.loop_constraints import Hinge, Loop, Point, read_direction
-from bellcrank.elements.loop_joints import Prismatic
+from bellcrank.elements.loop_constraints import Hinge, Loop, Point, Prismatic, read_direction
 
 if TYPE_CHECKING:
     import casadi

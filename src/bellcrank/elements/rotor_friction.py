@@ -13,8 +13,8 @@ from bellcrank.elements.joint_forces import NO_ROW, Shaft
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.auxiliary_states import AuxiliaryStates
     from bellcrank.elements.drives import Drive
+    from bellcrank.elements.element import AuxiliaryStates
     from bellcrank.elements.symbols import Symbols
 
 LEAST_FRICTION: Final = 1e-7  # N m, far above rounding: what a gear with losses by load holds without load

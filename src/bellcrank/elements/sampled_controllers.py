@@ -2,7 +2,7 @@
 
 At the times k `sample_time` of the clock the state is measured and the torque is computed; it is applied `delay` later
 and held until the next one. No integration step crosses such a time. What a controller holds is a part of u
-(held_inputs.py): its state, the torques that wait for the delay, newest first, and the torques that it applies.
+(element.py): its state, the torques that wait for the delay, newest first, and the torques that it applies.
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
-from bellcrank.elements.controller import ControlContext, Controller
-from bellcrank.elements.controller_fields import Gain, read_joints, read_limit
-from bellcrank.elements.element import GeneralisedForce
+from bellcrank.elements.controller import ControlContext, Controller, Gain, read_joints, read_limit
+from bellcrank.elements.element import GeneralisedForce, HeldSource, held_source
 from bellcrank.elements.expression import Expression
 from bellcrank.elements.force_table import table_text
 from bellcrank.elements.formulas import common
-from bellcrank.elements.held_inputs import HeldSource, held_source
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value
 

@@ -8,11 +8,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Final, Self
 
 from bellcrank.config.fields import Fields
-from bellcrank.elements.controller import ControlContext
-from bellcrank.elements.controller_fields import all_joints, read_motion_name
-from bellcrank.elements.element import NONNEGATIVE, joint_unit, number
+from bellcrank.elements.controller import ControlContext, all_joints, read_motion_name
+from bellcrank.elements.element import NONNEGATIVE, HeldSource, joint_unit, number
 from bellcrank.elements.expression import Expression
-from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.sampled_controllers import MOST_WAITING, Instants, StateSpace, samples_of
 from bellcrank.elements.servos import LOOPS, Cascade, Servo
 from bellcrank.elements.signals import motion_source

@@ -19,9 +19,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from bellcrank.elements.controller_fields import all_joints
-from bellcrank.elements.element import ANY, NONNEGATIVE, POSITIVE, Bound, Settable
-from bellcrank.elements.held_inputs import HeldSource, held_source
+from bellcrank.elements.controller import all_joints
+from bellcrank.elements.element import ANY, NONNEGATIVE, POSITIVE, Bound, HeldSource, Settable, held_source
 from bellcrank.elements.sampled_controllers import ROUNDING, Instants, samples_of
 from bellcrank.elements.signals import SignalSource
 
@@ -144,7 +143,7 @@ class Cascade(Servo):
         clock: That of the start of the simulation, s.
         holds: What the sampled loops held at the end of the run that is continued.
         axes: Of the current: 2 of model dq, else 1.
-        gains: "given", "auto" where they are to be found (simulation/integration/drive_gains.py), or "found".
+        gains: "given", "auto" where they are to be found (simulation/integration/automatic_gains.py), or "found".
     """
 
     position: Mapping[str, float]

@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, ClassVar
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.config.fields import Fields
-from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.drives import BUS, Drive
-from bellcrank.elements.element import POSITIVE, Force, GeneralisedForce, Settable, number
+from bellcrank.elements.element import POSITIVE, AuxiliaryStates, Force, GeneralisedForce, Settable, number
 
 if TYPE_CHECKING:
     import casadi

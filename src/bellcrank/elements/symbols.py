@@ -12,8 +12,7 @@ from bellcrank.robot.model.traced_tree import trace_tree
 if TYPE_CHECKING:
     import casadi
 
-    from bellcrank.elements.auxiliary_states import AuxiliaryStates
-    from bellcrank.elements.element import Element
+    from bellcrank.elements.element import AuxiliaryStates, Element
     from bellcrank.elements.expression import Term
     from bellcrank.elements.parameters import Parameter
     from bellcrank.elements.signals import SignalSource

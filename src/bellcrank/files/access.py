@@ -22,7 +22,7 @@ from typing import BinaryIO
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
-from bellcrank.printable_text import file_name_here
+from bellcrank.messages import file_name_here
 
 MOST_TEXT = 64 * 2**20  # bytes of a URDF, or of another text that is read whole
 MOST_YAML = 16 * 2**20  # bytes: a million entries

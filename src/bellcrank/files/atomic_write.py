@@ -17,7 +17,7 @@ from pathlib import Path
 
 from bellcrank.errors import InputError
 from bellcrank.files.temporaries import new_file
-from bellcrank.printable_text import ERRORS
+from bellcrank.messages import ERRORS
 
 _WILD = re.compile(r"([\[*?])")  # wildcards of fnmatch
 

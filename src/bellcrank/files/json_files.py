@@ -14,7 +14,7 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.files.access import read_text
 from bellcrank.files.atomic_write import write_text, writing
-from bellcrank.printable_text import utf8
+from bellcrank.messages import utf8
 
 
 def write_json(path: Path, content: Any, *, indent: int = 1, ascii_only: bool = False) -> Path:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.motion.kinematics.quaternions import conjugate, cross, multiply, rotate
+from bellcrank.motion.kinematics.rotations import conjugate, cross, multiply, rotate
 from bellcrank.robot.model.joints import JointLike, quaternion_part
 
 

@@ -17,8 +17,8 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import continuous, from_rates, rates, sizes, velocity_labels
 from bellcrank.motion.generators.closed_form import NEXT, ClosedForm, Side, States, covering
-from bellcrank.motion.magnitude_limits import check_size, check_times
-from bellcrank.motion.sampled.hermite import quintic
+from bellcrank.motion.limit_checks import check_size, check_times
+from bellcrank.motion.sampled.quintic_splines import quintic
 from bellcrank.robot.model.joints import JointLike, RobotLike, unit_vector
 
 POSITION_GAP = 1e-6  # rad or m: two rows of one time, or two joined motions, may differ by this much

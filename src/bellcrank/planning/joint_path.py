@@ -14,8 +14,8 @@ from bellcrank.arrays import Array, Indices
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.generators.blends import blended, straight
-from bellcrank.motion.generators.quintic_spline import QuinticSpline
 from bellcrank.motion.motion import AT_REST
+from bellcrank.motion.sampled.quintic_splines import QuinticSpline
 from bellcrank.robot.model.joints import JointLike, one_degree_columns, quaternion_part, require_one_degree
 
 if TYPE_CHECKING:

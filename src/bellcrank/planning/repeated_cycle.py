@@ -14,8 +14,8 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
-from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, join
+from bellcrank.motion.motion_entry import DutyStep
 from bellcrank.planning.cycle_result import LIMITS, By, Limit, RepeatedCycle
 from bellcrank.planning.speed_scaling import scaled_motion
 from bellcrank.robot.model.payload import Payload

@@ -14,9 +14,9 @@ from bellcrank import arguments
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust, for_files_only
 from bellcrank.files.temporaries import new_folder
+from bellcrank.messages import file_name
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
-from bellcrank.printable_text import file_name
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import page_html, write_page

@@ -47,7 +47,7 @@ class MechanismCheck:
 
     def film(self) -> Film:
         """The robot at the posture, with its gaps."""
-        from bellcrank.replays.film.start_film import film_of_start
+        from bellcrank.replays.film.posture_films import film_of_start
 
         return film_of_start(self.scene, self.posture, self.gaps, self.facts)
 

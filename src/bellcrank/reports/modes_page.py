@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bellcrank.analysis.linearisation import Linearisation
-from bellcrank.analysis.mode_table import shown
+from bellcrank.analysis.modes import shown
 from bellcrank.analysis.root_loci import RootLoci
 from bellcrank.analysis.root_locus_plot import plot_eigenvalues, plot_root_loci
 from bellcrank.notes import reached
 from bellcrank.plot_style import svg_of
-from bellcrank.replays.film.mode_film import SECONDS, film_of_modes
+from bellcrank.replays.film.posture_films import SECONDS, film_of_modes
 from bellcrank.replays.page.page import Surroundings, write_page
-from bellcrank.reports.document import Document, Facts, Picture, Still
-from bellcrank.reports.document_html import document_html
+from bellcrank.reports.document import Document, Facts, Picture, Still, document_html
 from bellcrank.version import version
 
 if TYPE_CHECKING:

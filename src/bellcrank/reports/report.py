@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 from bellcrank import arguments
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust, for_files_only
+from bellcrank.messages import file_name
 from bellcrank.motion.motion import Motion
 from bellcrank.planning.fastest_motion import FastestMotion
-from bellcrank.printable_text import file_name
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.replays.replay import film_of, film_over, find_run, load_source, source_name, told_apart
-from bellcrank.reports.document import Document, Facts, Picture, Table
-from bellcrank.reports.document_html import document_html
+from bellcrank.reports.document import Document, Facts, Picture, Table, document_html
 from bellcrank.reports.study_data import View
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.selection import Selection

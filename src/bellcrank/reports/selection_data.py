@@ -21,8 +21,8 @@ from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.arrays import Array, Indices
-from bellcrank.printable_text import readable
-from bellcrank.replays.page.array_encoding import deflate_base64
+from bellcrank.messages import readable
+from bellcrank.replays.page.film_encoding import deflate_base64
 from bellcrank.sizing.selection.criteria import CriterionResult, Verdict
 from bellcrank.sizing.selection.judge import TIERS
 from bellcrank.sizing.selection.load_reductions import (
@@ -34,8 +34,7 @@ from bellcrank.sizing.selection.load_reductions import (
     ReducedCycle,
     reduce_loads,
 )
-from bellcrank.sizing.selection.motor_curves import motor_curves
-from bellcrank.sizing.selection.pair_detail import PairDetail, pair_details
+from bellcrank.sizing.selection.pair_detail import PairDetail, motor_curves, pair_details
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate, ParetoPoint, Selection, pair_id
 
 MOST_TEMPERATURES = 80  # of a cycle

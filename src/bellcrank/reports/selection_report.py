@@ -10,8 +10,7 @@ from pathlib import Path
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.replays.film.film import Film
 from bellcrank.replays.page.page import Surroundings
-from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.document_html import document_html, part_html
+from bellcrank.reports.document import Document, Facts, Picture, Still, Table, document_html, part_html
 from bellcrank.reports.input_tables import about, joint_table, made_with, motion_table, robot_facts
 from bellcrank.reports.selection_data import encoded_selection, title
 from bellcrank.sizing.selection.matching_criteria import InertiaRatio

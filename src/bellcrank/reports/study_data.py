@@ -1,4 +1,4 @@
-"""The data of a study's page: the designs of its map, and the motions of those that can be shown.
+"""The data of a study's page: the designs of its map, their motions, and what the page computes.
 
 A page holds a few thousand designs of the map and at most `MOST_MOTIONS` motions. Of more designs some are chosen:
 those with the least, the median and the largest value of each measure, and others spread evenly over all.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,23 +17,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.arrays import Array, Indices
+from bellcrank.config.fields import parse_number
 from bellcrank.errors import InputError
-from bellcrank.printable_text import readable
+from bellcrank.messages import readable
 from bellcrank.replays.film.design_film import DesignFilm, film_of_designs
+from bellcrank.replays.film.film import Film
+from bellcrank.replays.film.run_film import film_of_run
+from bellcrank.replays.film.sizing_film import film_of_sizing
 from bellcrank.replays.geometry.meshes import Detail
-from bellcrank.replays.page.array_encoding import ArrayEncoder
-from bellcrank.replays.page.film_encoding import safe_json
-from bellcrank.replays.page.motion_encoding import encode_motions
-from bellcrank.simulation.integration.status import Status
+from bellcrank.replays.page.film_encoding import ArrayEncoder, encode_motions, safe_json
+from bellcrank.robot.model.traced_tree import ORIGIN
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.simulate import simulate
+from bellcrank.sizing.size import size
+from bellcrank.studies.designs.sizing_changes import changes_of, present_duration
 from bellcrank.studies.execution.run_outcomes import INFEASIBLE
 from bellcrank.studies.execution.sizing_runner import SizingRunner
 
 if TYPE_CHECKING:
     from bellcrank.simulation.trajectory.trajectory import Trajectory
     from bellcrank.sizing.loads.joint_histories import SizingInputs
+    from bellcrank.studies.designs.axes import StudyAxis
     from bellcrank.studies.results.exceedance import Limit
     from bellcrank.studies.results.sweep_result import Sweep
+
 
 Rows = Indices
 MOST_MOTIONS = 200
@@ -212,3 +220,72 @@ def _hint(designs: int, plotted: int, movable: int) -> str:
         f"A click shows the nearest of {movable:,} designs whose motion is in this page (large dots)"
     )  # fmt: skip
     return f"{drawn}{which}; its links have its own lengths."
+
+
+_PARAMETER = re.compile(r"\A(?:parameters\.)?(.+?)(?:\.value)?\Z")
+_PAYLOAD = re.compile(r"\Apayloads?\.(?:(\d+)\.)?(mass|cg)(?:\.(\w+))?\Z")
+_DURATION = re.compile(r"\A(motions\..+)\.duration\Z")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LiveStudy:
+    """What the page of a study computes.
+
+    Attributes:
+        film: The film of the scene itself, which computes.
+        settings: Of each axis the number of its setting, the factor from values of the axis to it, and whether the
+            setting is the factor over the value, as the speed of a motion is over its duration.
+    """
+
+    film: Film
+    settings: tuple[dict[str, Any], ...]
+
+
+def live_study(sweep: Sweep, *, title: str, view: View) -> LiveStudy:
+    """The film of a study's scene that computes its designs.
+
+    Raises InputError where the page cannot compute the scene, or an axis is none of its settings.
+    """
+    options: dict[str, Any] = {"trace": view.trace, "detail": view.detail, "title": title, "live": True}
+    if sweep.sized:
+        film = film_of_sizing(size(sweep.scene), **options)
+    else:
+        film = film_of_run(simulate(sweep.scene), **options)
+    if film.live is None:
+        raise InputError(f"sweep of {sweep.scene.name}: {film.notes[-1]}")
+    found = [_setting(sweep, axis, film.live.content["settings"]) for axis in sweep.axes]
+    for axis, one in zip(sweep.axes, found, strict=True):
+        if one is None:
+            raise InputError(
+                f"sweep of {sweep.scene.name}: its page cannot compute designs, because '{axis.path}' is none of the "
+                "values that a page can change; leave live out, and the page keeps the motions of some designs"
+            )
+    return LiveStudy(film=film, settings=tuple(one for one in found if one is not None))
+
+
+def _setting(sweep: Sweep, axis: StudyAxis, settings: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """The setting of an axis; None where there is none."""
+    if not axis.numeric:
+        return None
+    path, entry, inverse = _PARAMETER.sub(r"\1", axis.path), "", False
+    if (match := _PAYLOAD.match(axis.path)) is not None:
+        number, what, component = match.groups()
+        path = f"payloads.{number or 1}.{what}"
+        entry = str(ORIGIN.index(component) + 1) if component in ORIGIN[:3] else component or ""
+    elif (match := _DURATION.match(axis.path)) is not None:
+        if changes_of(sweep.scene, [axis])[1][0].kind != "duration":
+            return None  # it changes motions that are joined from it too
+        path, inverse = f"{match[1]}.speed_factor", True
+    for k, one in enumerate(settings):
+        if (one.get("path"), one.get("entry", "")) == (path, entry) and not one.get("options"):
+            try:
+                factor = parse_number(axis.value(1.0), "s" if inverse else one["unit"])
+            except ValueError:
+                return None
+            if inverse:
+                duration = present_duration(sweep.scene, axis.path)
+                if duration is None:  # a key of the motion's own
+                    duration = sweep.scene.config.motion(sweep.scene.robot, axis.path.split(".", 1)[1][:-9]).duration
+                factor = one["value"] * duration / factor
+            return {"setting": k, "factor": factor, "inverse": inverse}
+    return None

@@ -12,12 +12,10 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.plot_style import svg_of
 from bellcrank.replays.page.page import Surroundings, write_page
-from bellcrank.reports.document import Document, Facts, Picture, Still, Table
-from bellcrank.reports.document_html import document_html
+from bellcrank.reports.document import Document, Facts, Picture, Still, Table, document_html
 from bellcrank.reports.input_tables import about, made_with
-from bellcrank.reports.live_study import live_study
-from bellcrank.reports.study_data import DEFAULT_VIEW, View, encoded_live_study, encoded_study, study_film
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.reports.study_data import DEFAULT_VIEW, View, encoded_live_study, encoded_study, live_study, study_film
+from bellcrank.studies.designs.samples import SensitivitySample
 from bellcrank.studies.results.exceedance import Exceedance, interval_text, missing_text, parse_limit
 from bellcrank.studies.results.sample_statistics import TABLE_LEVELS
 from bellcrank.studies.results.sensitivity import index_text

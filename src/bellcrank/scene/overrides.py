@@ -12,7 +12,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from bellcrank import arguments
-from bellcrank.config.numbers import whole_number
+from bellcrank.config.units import whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.elements.element import entry_names
 from bellcrank.elements.parameters import is_of_the_tree, parameter_name, target_of

@@ -3,11 +3,11 @@
 Keys: name; urdf (a path relative to the file, or the name of a robot); gravity (m/s²); floating_base; friction ("urdf",
 "none" or {joint: {viscous, coulomb}}); payloads [{mass, frame, cg, inertia}]; frames {name: {link, xyz, rpy}}; motions
 (motion/entry_kinds.py); actuators {joint: {…}} (actuators/actuator_fields.py); conditions, under which actuators are
-judged (actuators/condition_fields.py); catalogue, a folder with tables of motors and gears that actuators name; and,
+judged (actuators/actuator_fields.py); catalogue, a folder with tables of motors and gears that actuators name; and,
 for a mechanism with closed loops, actuated, the list of joints with motors (by default those with actuators). For the
 selection of motors: transmissions, the coupled transmissions (actuators/coupled_transmission.py; their actuators are
 named by motor); mounts {joint or motor: {…}} (actuators/mount.py); and duty, the order of motions and pauses
-(motion/duty_program.py).
+(motion/motion_entry.py).
 
 The file may also contain the keys of a scene (scene.py). Sizing uses constraints, the start, forces and parameters of
 them, reports that controllers and the clock of the start are not used, and ignores the others.
@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_fields import actuators_from_fields, catalogue_folder
-from bellcrank.actuators.condition_fields import ROBOT_WIDE, given_conditions
+from bellcrank.actuators.actuator_fields import ROBOT_WIDE, actuators_from_fields, catalogue_folder, given_conditions
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, transmissions_from_fields
 from bellcrank.actuators.mount import Mount, mounts_from_fields
@@ -35,12 +34,10 @@ from bellcrank.elements.dry_friction import dry_joints
 from bellcrank.errors import InputError
 from bellcrank.files import bundled_data
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.messages import format_value, unknown_name
-from bellcrank.motion.duty_program import DutyStep, duty_from_fields
+from bellcrank.messages import format_value, readable, unknown_name
 from bellcrank.motion.entry_kinds import check_references, read_motion_entry
-from bellcrank.motion.motion_entry import MotionEntry
+from bellcrank.motion.motion_entry import DutyStep, MotionEntry, duty_from_fields
 from bellcrank.notes import MATTERS, OMISSIONS, Matter, Note, Omission
-from bellcrank.printable_text import readable
 from bellcrank.robot import catalog
 from bellcrank.robot.model.payload import Payload
 from bellcrank.scene.robot_file_entries import CHOICES, robot_access, robot_path, with_robot_file, xacro_values

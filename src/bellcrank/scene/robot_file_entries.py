@@ -15,9 +15,8 @@ from typing import Any, Final
 from bellcrank.config.fields import Fields
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
-from bellcrank.messages import unknown_name
+from bellcrank.messages import file_name_here, unknown_name
 from bellcrank.notes import as_note
-from bellcrank.printable_text import file_name_here
 from bellcrank.robot import catalog
 from bellcrank.robot.formats.file_readers import read_robot_file
 from bellcrank.robot.formats.gepetto_file import read_gepetto

@@ -20,12 +20,12 @@ from typing import Any, Final
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.elements.held_inputs import found_signal
+from bellcrank.elements.element import found_signal
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import MOST_RUN, open_regular
 from bellcrank.files.npz_archive import DAMAGE, UNPACKED, NoAboutError, brief, read_archive
 from bellcrank.files.temporaries import new_folder
-from bellcrank.printable_text import file_name_here, utf8
+from bellcrank.messages import file_name_here, utf8
 from bellcrank.version import version
 
 RUN: Final = "bellcrank run"

@@ -3,7 +3,7 @@
 One YAML file serves sizing and simulation. A scene adds these keys to those of a robot configuration
 (robot_config.py), all of them optional: constraints, forces, joints and control (bellcrank.elements: constraints.py,
 forces.py, dry_friction.py, controllers.py), parameters (elements/parameters.py), initial and base (initial.py), events
-(events.py), outputs (outputs.py), simulate (settings.py), study (study.py) and optimise (optimise_entry.py).
+(events.py), outputs (outputs.py), simulate (settings.py), study and optimise (study.py).
 """
 
 from __future__ import annotations
@@ -21,25 +21,20 @@ from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.config.fields import Fields
 from bellcrank.config.yaml_file import read_yaml
-from bellcrank.elements.auxiliary_states import AuxiliaryStates
 from bellcrank.elements.clutch import read_clutches
 from bellcrank.elements.constraint import Constraint, ReadContext
-from bellcrank.elements.constraint_importers import imported_motors
-from bellcrank.elements.constraints import read_constraints
-from bellcrank.elements.controller import ControlContext, Controller
-from bellcrank.elements.controller_fields import Driven
-from bellcrank.elements.controllers import read_control
+from bellcrank.elements.constraints import imported_motors, read_constraints
+from bellcrank.elements.controller import ControlContext, Controller, Driven
+from bellcrank.elements.controllers import StateFeedback, read_control
 from bellcrank.elements.drive_fields import read_drives
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction, JointDryFriction, RestingJoint, read_dry_friction
-from bellcrank.elements.element import Element, Force
+from bellcrank.elements.element import AuxiliaryStates, Element, Force, HeldSource
 from bellcrank.elements.expression_constraint import FunctionConstraint, function_constraint
 from bellcrank.elements.forces import read_forces
-from bellcrank.elements.formula_controllers import StateFeedback
 from bellcrank.elements.formulas import FormulaReader
 from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.frame_joints import refuse_joints_off_paths
-from bellcrank.elements.held_inputs import HeldSource
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.joint_stops import GearContact, JointStop, read_joint_stops
@@ -56,10 +51,8 @@ from bellcrank.notes import Note, in_use
 from bellcrank.robot.robot import Robot, RobotJoint
 from bellcrank.scene.events import EventRule, read_events
 from bellcrank.scene.initial import Initial, read_initial
-from bellcrank.scene.optimise_entry import OptimiseEntry, read_optimise
 from bellcrank.scene.output_quantities import WorkOutput
-from bellcrank.scene.output_terms import OutputTerms
-from bellcrank.scene.outputs import Output, read_outputs
+from bellcrank.scene.outputs import Output, OutputTerms, read_outputs
 from bellcrank.scene.overrides import apply_overrides, declared
 from bellcrank.scene.robot_config import (
     CONFIG_KEYS,
@@ -73,7 +66,7 @@ from bellcrank.scene.robot_file_entries import with_robot_file, without_robot_fi
 from bellcrank.scene.saved_state import RunScene
 from bellcrank.scene.settings import Settings, check_rows, read_settings
 from bellcrank.scene.source_mapping import plain, source_mapping
-from bellcrank.scene.study import Study, read_study
+from bellcrank.scene.study import OptimiseEntry, Study, read_optimise, read_study
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
@@ -436,7 +429,7 @@ class Scene(Portable):
 
     @property
     def held_sources(self) -> tuple[HeldSource, ...]:
-        """The last of them: entries of u that a run finds (held_inputs.py).
+        """The last of them: entries of u that a run finds (elements/element.py).
 
         First the sides of switches, then the modes of joints with dry friction, then what controllers hold.
         """

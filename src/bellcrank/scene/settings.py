@@ -30,7 +30,7 @@ class Stabilisation:
             (φ̈ + 2 alpha φ̇ + beta² φ = 0 instead of φ̈ = 0) or "none".
         alpha: Baumgarte's gain on the velocity residual, 1/s.
         beta: Baumgarte's gain on the position residual, 1/s.
-        auto: Whether the gains are chosen from solver, tolerances and step (simulation/integration/baumgarte_gains.py).
+        auto: Whether the gains are chosen from solver, tolerances and step (simulation/integration/automatic_gains.py).
     """
 
     kind: str = "projection"

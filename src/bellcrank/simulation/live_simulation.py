@@ -18,21 +18,21 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.codegen.expression_graph import graph_of
 from bellcrank.codegen.webassembly import webassembly
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.equations.design_parameters import RowSampling, row_sampling
 from bellcrank.dynamics.equations.kkt import REGULARISATION
 from bellcrank.dynamics.equations.system import system_of
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
 from bellcrank.dynamics.postures.consistent_start import starts_further_away
 from bellcrank.dynamics.postures.start_equations import start_equations
 from bellcrank.elements.element import joint_unit
 from bellcrank.robot.model.joints import lengths_in_position
-from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
+from bellcrank.scene.events import ContactLost, LiesFlat
 from bellcrank.scene.free_joint_start import quaternion_of
 from bellcrank.scene.settings import Stabilisation
 from bellcrank.simulation.integration.integration import event_search, state_layout, step_control
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.live_settings import Setting, parameter_settings, slider_end
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.equations.design_parameters import design_parameters
 from bellcrank.dynamics.equations.system import start_states
 from bellcrank.dynamics.postures.consistent_start import consistent_postures, consistent_velocities
@@ -20,11 +20,11 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
 from bellcrank.robot.model.pinocchio_model import LEAST_MASS
-from bellcrank.scene.constraint_conditions import ContactLost, LiesFlat
+from bellcrank.scene.events import ContactLost, LiesFlat
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.integration.prepare_integration import prepare_integration
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.simulate import simulate
 
 if TYPE_CHECKING:

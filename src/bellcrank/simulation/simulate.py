@@ -11,7 +11,7 @@ from bellcrank import arguments
 from bellcrank.arguments import PROGRESS, Progress
 from bellcrank.arrays import Array
 from bellcrank.config.fields import Fields
-from bellcrank.elements.controller_fields import Driven
+from bellcrank.elements.controller import Driven
 from bellcrank.elements.sampled_controllers import FunctionController
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array, Indices
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.input_breakpoints import force_breaks
 from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.expression import has_time

@@ -16,7 +16,7 @@ from bellcrank.notes import reached
 from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.sizing.drive_verdicts import DriveJudging, DriveVerdicts
-from bellcrank.sizing.loads.massless_motors import refuse_massless
+from bellcrank.sizing.loads.load_checks import refuse_massless
 from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.size import checked_actuators, checked_mass_tolerance

@@ -21,7 +21,7 @@ import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission
-from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.input_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, applied_forces, parameter_values
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
@@ -32,10 +32,14 @@ from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing, largest_peak
 from bellcrank.sizing.loads.coupled_axes import MotorLoads, axis_coordinates
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite_joint, refuse_non_finite_motor
 from bellcrank.sizing.loads.joint_histories import SizingInputs
 from bellcrank.sizing.loads.joint_loads import JointLoads
-from bellcrank.sizing.loads.massless_motors import massless_motors, singular_joints
+from bellcrank.sizing.loads.load_checks import (
+    massless_motors,
+    refuse_non_finite_joint,
+    refuse_non_finite_motor,
+    singular_joints,
+)
 from bellcrank.sizing.loads.motion_peaks import MotionPeaks, peaks_along, worst_peaks
 from bellcrank.sizing.loads.structure_loads import worst_loads
 from bellcrank.sizing.result import Sizing
@@ -43,7 +47,7 @@ from bellcrank.sizing.result import Sizing
 if TYPE_CHECKING:
     from bellcrank.actuators.conditions import Conditions
     from bellcrank.actuators.mount import Mount
-    from bellcrank.motion.duty_program import DutyStep
+    from bellcrank.motion.motion_entry import DutyStep
 
 PEAKS = (
     "max_torque", "min_torque", "peak_speed", "peak_motoring_power", "peak_regenerating_power", "peak_bearing_force",

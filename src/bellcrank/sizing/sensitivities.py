@@ -17,7 +17,7 @@ from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import Mechanism
-from bellcrank.dynamics.inverse.motor_torque_derivatives import Loads, MotorTorqueDerivatives
+from bellcrank.dynamics.inverse.motor_torques import Loads, MotorTorqueDerivatives
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.loads.joint_loads import JointLoads

@@ -17,9 +17,9 @@ from bellcrank.actuators.actuator_fields import actuator_data
 from bellcrank.arrays import Array
 from bellcrank.files import atomic_write, csv_files, json_files
 from bellcrank.files.csv_files import write_table
+from bellcrank.messages import file_name
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.csv_file import write_motion
-from bellcrank.printable_text import file_name
 from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
 from bellcrank.sizing.loads.joint_histories import MotionHistory, motion_history, sizing_inputs
 from bellcrank.sizing.loads.structure_loads import StructureLoad

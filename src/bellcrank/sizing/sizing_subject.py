@@ -12,17 +12,16 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.messages import unknown_name
+from bellcrank.messages import one_line, unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import Note, in_use
-from bellcrank.printable_text import one_line
 from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.overrides import EXPECTED_OVERRIDES, declared
 
 if TYPE_CHECKING:
     from bellcrank.actuators.coupled_transmission import CoupledTransmission
-    from bellcrank.motion.duty_program import DutyStep
+    from bellcrank.motion.motion_entry import DutyStep
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.scene.scene import Scene
 

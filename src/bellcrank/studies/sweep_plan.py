@@ -17,8 +17,7 @@ from bellcrank.scene.study import METHODS, MOST_POINTS, Study
 from bellcrank.simulation.trajectory.scene_notes import file_notes
 from bellcrank.studies.designs.axes import StudyAxis, parse_values, read_axis
 from bellcrank.studies.designs.design_space import DesignSpace
-from bellcrank.studies.designs.samples import LARGEST_SEED, PointSet, Sample
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.samples import LARGEST_SEED, PointSet, Sample, SensitivitySample
 from bellcrank.studies.designs.sizing_changes import override, present_value, unit_of
 from bellcrank.studies.execution.design_runner import DesignRunner
 from bellcrank.studies.execution.fastest_runner import FastestRunner

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
-from bellcrank.printable_text import printable
+from bellcrank.messages import printable
 
 
 class _Output(io.FileIO):

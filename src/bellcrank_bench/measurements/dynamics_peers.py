@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.codegen import llvm
-from bellcrank.codegen.vector_math import Lanes
+from bellcrank.codegen.llvm_ir import Lanes
 from bellcrank.errors import BellcrankError
 from bellcrank.files.temporaries import temporary_folder
 from bellcrank.robot.robot import Robot

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bellcrank.codegen import llvm
 from bellcrank.codegen.expression_graph import Graph
-from bellcrank.codegen.vector_math import Lanes, sincos
+from bellcrank.codegen.llvm_ir import Lanes, sincos
 from bellcrank.errors import InputError
 from bellcrank.robot.load import load_robot
 from bellcrank.robot.robot import Robot

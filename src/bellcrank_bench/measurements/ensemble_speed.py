@@ -16,9 +16,8 @@ import numpy as np
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.messages import unknown_name
 from bellcrank.scene.scene import load_scene
-from bellcrank.simulation.integration.ensemble import EnsembleStarts, integrate_ensemble
-from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.ensemble import EnsembleResult, EnsembleStarts, integrate_ensemble
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.simulate import simulate
 from bellcrank.studies.sweep_plan import SampleRequest, SweepPlan, plan_sweep
 from bellcrank_bench.c_baseline import baseline

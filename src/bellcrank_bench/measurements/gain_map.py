@@ -1,6 +1,6 @@
 """Maps of error and work over Baumgarte's gains, with the automatic gains, no stabilisation and projection to compare.
 
-`bellcrank.simulation.integration.baumgarte_gains` explains what they show: the gains at which error or cost begin to
+`bellcrank.simulation.integration.automatic_gains` explains what they show: the gains at which error or cost begin to
 grow are those of the rate of the motion itself, for every solver, step and tolerance.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.settings import Stabilisation
-from bellcrank.simulation.integration.baumgarte_gains import AutomaticGains, automatic_gains
+from bellcrank.simulation.integration.automatic_gains import AutomaticGains, automatic_gains
 from bellcrank.simulation.simulate import simulate
 from bellcrank_bench.measurements.row import finite
 

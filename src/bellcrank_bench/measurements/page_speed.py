@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bellcrank.codegen.compile import Compiled, compiled
 from bellcrank.codegen.webassembly import webassembly
 from bellcrank.files.temporaries import temporary_folder
-from bellcrank.replays.page.headless_browser import find_browser, find_playwright, open_page
+from bellcrank.replays.page.rendering import find_browser, find_playwright, open_page
 from bellcrank.replays.replay import replay
 from bellcrank.robot.load import load_robot
 from bellcrank.simulation.simulate import simulate

@@ -10,7 +10,7 @@ import numpy as np
 
 from bellcrank.files import atomic_write
 from bellcrank.plot_style import new_figure, save_figure
-from bellcrank.simulation.integration.baumgarte_gains import drift_bound
+from bellcrank.simulation.integration.automatic_gains import drift_bound
 from bellcrank_bench.measurements import gain_map
 from bellcrank_bench.measurements.gain_map import (
     ADAPTIVE,

@@ -40,7 +40,7 @@ RunLanes engine_of(int width) {
   return nullptr;
 }
 
-// The record EnsembleProblem (simulation/integration/ensemble_problem.py).
+// The record EnsembleProblem (simulation/integration/ensemble.py).
 struct EnsembleReading : ProblemReading {
   Ensemble ensemble{};
   int threads;

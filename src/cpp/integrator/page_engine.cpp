@@ -33,7 +33,7 @@ namespace {
 enum KernelPlace {
   RHS, FALLBACK, PROJECT, PROJECT_FALLBACK, EVENTS, LINEARISED, ROWS, INERTIA, COSINES, ALIGNED, START, SHOWN, KERNELS
 };
-constexpr double TURNED_OVER = 9;  // a status that is not the integrator's (simulation/integration/status.py)
+constexpr double TURNED_OVER = 9;  // a status that is not the integrator's (simulation/integration/statistics.py)
 Kernel kernels[KERNELS];
 int outputs_of[KERNELS];  // sizes of the results of those that are called for many samples
 

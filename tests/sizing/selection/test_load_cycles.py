@@ -10,7 +10,7 @@ import bellcrank as bc
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
-from bellcrank.motion.duty_program import DutyStep, checked_duty
+from bellcrank.motion.motion_entry import DutyStep, checked_duty
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.sizing_subject import sizing_subject

@@ -5,7 +5,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.dynamics.inverse.mechanism import mechanism_of
-from bellcrank.motion.duty_program import checked_duty
+from bellcrank.motion.motion_entry import checked_duty
 from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from tests.support.crane import FILES
 

@@ -12,7 +12,7 @@ import bellcrank as bc
 from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.errors import InputError
-from bellcrank.sizing.axis_conditions import conditions_of
+from bellcrank.sizing.drive_verdicts import conditions_of
 from bellcrank.sizing.selection.selection_files import json_text
 
 ROBOT = {

@@ -12,8 +12,7 @@ from bellcrank.actuators.motor import Motor
 from bellcrank.actuators.powertrain import PowerTrains
 from bellcrank.sizing.selection.criteria import cycles_of
 from bellcrank.sizing.selection.load_reductions import reduce_loads
-from bellcrank.sizing.selection.motor_curves import motor_curves, straightened
-from bellcrank.sizing.selection.pair_detail import pair_detail, pair_details
+from bellcrank.sizing.selection.pair_detail import motor_curves, pair_detail, pair_details, straightened
 from bellcrank.sizing.selection.pairs import Pairs
 from bellcrank.sizing.selection.thermal_criteria import peak_temperatures
 

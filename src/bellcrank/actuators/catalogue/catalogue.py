@@ -10,8 +10,8 @@ from typing import TypeVar
 from bellcrank import arguments
 from bellcrank.actuators.catalogue.catalogue_checks import Contradiction, contradictions
 from bellcrank.actuators.catalogue.catalogue_columns import GEAR_KINDS, MOTOR_KINDS
-from bellcrank.actuators.catalogue.catalogue_curves import Product
 from bellcrank.actuators.catalogue.catalogue_files import read_products
+from bellcrank.actuators.catalogue.catalogue_tables import Product
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.errors import InputError

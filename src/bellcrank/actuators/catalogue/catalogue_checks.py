@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from bellcrank.actuators.catalogue.catalogue_curves import Product
+from bellcrank.actuators.catalogue.catalogue_tables import Product
 from bellcrank.actuators.catalogue.consistency_check import Check, order, plausible, quotient
 from bellcrank.actuators.catalogue.motor_checks import MOTOR_CHECKS
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear

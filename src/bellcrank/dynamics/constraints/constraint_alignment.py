@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints, sine_rows
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints, sine_rows
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 
 if TYPE_CHECKING:

@@ -10,13 +10,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import casadi
+
 from bellcrank.dynamics.equations.base_frame_elimination import BaseRotation
 from bellcrank.elements.constraint import Constraint
+from bellcrank.elements.loop_constraints import Hinge, Weld
 
 if TYPE_CHECKING:
-    import casadi
-
     from bellcrank.elements.symbols import Symbols
+    from bellcrank.scene.scene import Scene
+
+
+def aligned_constraints(scene: Scene) -> tuple[str, ...]:
+    """The names of these constraints, in the order of the scene."""
+    return tuple(constraint.name for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge)))
+
+
+def sine_rows(scene: Scene, rows: Sequence[tuple[str, str]]) -> dict[str, list[int]]:
+    """Which of the kept rows, given as (constraint, label), are sines of angles, by constraint."""
+    return {
+        constraint: [k for k, (name, label) in enumerate(rows) if name == constraint and label.endswith("[N m]")]
+        for constraint in aligned_constraints(scene)
+    }
+
+
+def alignment_owners(scene: Scene) -> list[int]:
+    """Which of these constraints, by number, each row of their alignment residual belongs to."""
+    aligned = [constraint for constraint in scene.constraints if isinstance(constraint, (Weld, Hinge))]
+    return [k for k, constraint in enumerate(aligned) for _ in range(constraint.alignment_rows)]
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from bellcrank.elements.rotor_friction import RotorFriction
 from bellcrank.elements.symbols import Additions, Symbols
 from bellcrank.errors import InputError
 from bellcrank.robot.model.joints import lengths_in_velocity
-from bellcrank.scene.equation_symbols import EquationSymbols
+from bellcrank.scene.output_quantities import EquationSymbols
 
 if TYPE_CHECKING:
     import casadi

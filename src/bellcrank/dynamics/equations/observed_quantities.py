@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints, sine_rows
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints, sine_rows
 from bellcrank.dynamics.constraints.reactions import ConstraintReactions
 from bellcrank.robot.model.joints import unit_vectors
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
+from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.dynamics.inverse.motor_shares import held_shares, motor_shares
 from bellcrank.errors import InputError
 from bellcrank.numerics import products

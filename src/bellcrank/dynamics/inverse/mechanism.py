@@ -14,11 +14,11 @@ from bellcrank.arrays import Array
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.elements.dry_friction import JointDryFriction
+from bellcrank.elements.forces import SphericalSpring
 from bellcrank.elements.frame_forces import Spring
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Friction, JointForce
 from bellcrank.elements.joint_stops import JointStop
-from bellcrank.elements.spherical_spring import SphericalSpring
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.scene import Scene
 

@@ -1,20 +1,22 @@
-"""Notes for the reader of inverse dynamics: what of a scene does not count, and where tables and motions do not
-match.
+"""Notes for the reader of inverse dynamics: what of a scene does not count, and where its tables do not match.
+
+Inverse kinematics along a path takes the lengths of the URDF and the configuration, not those that parameters of the
+scene set. Where they differ, notes say so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.dynamics.inverse.path_geometry import path_notes
 from bellcrank.elements.clutch import Clutch
 from bellcrank.elements.drives import Drive
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.element import table_span
 from bellcrank.elements.expression import has_time
+from bellcrank.elements.frame_joints import path_frames
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.pin_friction import PinFriction
@@ -24,6 +26,32 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.scene import Scene
+
+
+def path_notes(scene: Scene, names: Iterable[str]) -> list[str]:
+    """A sentence for each of the scene's motions with these names whose frame moves along another path than given."""
+    entries = scene.config.motions
+    changed = changed_lengths(scene)
+    return [
+        f"motion '{name}' was made from a frame's path with the lengths of the URDF, which the parameters "
+        f"{', '.join(changed)} change: the frame moves along another path; write the motion in joint positions"
+        for name in dict.fromkeys(names)
+        if changed and name in entries and any(path_frames(entries[name], entries))
+    ]
+
+
+def changed_lengths(scene: Scene) -> list[str]:
+    """The parameters that place a joint or frame elsewhere than the URDF or the configuration."""
+    frames = scene.robot.equations.tree.frames
+    found = []
+    for name, parameter in scene.parameters.items():
+        for frame, what in parameter.places:
+            if what < 6:
+                now = [*frames[frame].in_parent.translation, *frames[frame].rpy][what]
+                if abs(parameter.value - now) > 1e-9 * max(1.0, abs(now)) and name not in found:
+                    found.append(name)
+    return found
+
 
 ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a start and a motion that counts as the same
 

@@ -12,7 +12,7 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
+from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError

@@ -29,7 +29,7 @@ from bellcrank.errors import InputError, UnreachableError
 from bellcrank.motion.generators.path import FramePath, wanted_rotation
 from bellcrank.motion.kinematics.pose_equations import vector_text
 from bellcrank.motion.kinematics.rotations import angles_to, between
-from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.limit_checks import limit_notes
 from bellcrank.motion.motion import Motion
 from bellcrank.numerics import pseudo_inverse, singular_values
 

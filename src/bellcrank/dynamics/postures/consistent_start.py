@@ -11,7 +11,7 @@ import numpy as np
 from bellcrank._step import consistent_velocities as search_velocities
 from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import computed_once
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.dynamics.postures.posture_search import (
@@ -20,16 +20,16 @@ from bellcrank.dynamics.postures.posture_search import (
     SearchVerdicts,
     StartCode,
     scene_as_design,
+    search_further,
     search_postures,
 )
 from bellcrank.dynamics.postures.start_diagnosis import StartFailure, diagnose_start
 from bellcrank.dynamics.postures.start_equations import equations_at
-from bellcrank.dynamics.postures.start_stages import search_further
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.errors import InputError
 from bellcrank.numerics import LARGEST
 from bellcrank.robot.model.joints import RobotJoint, unit_vector
-from bellcrank.scene.constraint_conditions import LiesFlat
+from bellcrank.scene.events import LiesFlat
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
@@ -216,9 +216,9 @@ def consistent_postures(
 ) -> tuple[Array, SearchVerdicts]:
     """The positions (n, nq) that satisfy the constraints of each design and are nearest to q (n, nq).
 
-    Where Gauss-Newton steps from q reach none, further searches follow (start_stages.py). `held` (nv) marks the degrees
-    of freedom whose positions are held, those of a free joint along its parent's axes. A position whose verdict is not
-    CONSISTENT is where the first search ended.
+    Where Gauss-Newton steps from q reach none, further searches follow (posture_search.py). `held` (nv) marks the
+    degrees of freedom whose positions are held, those of a free joint along its parent's axes. A position whose verdict
+    is not CONSISTENT is where the first search ended.
     """
     search = PostureSearch(held)
     found, judged = search_postures(scene, designs, q, search, threads)

@@ -15,7 +15,7 @@ from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.idle_rotations import IdleRotation
-from bellcrank.dynamics.inverse.path_geometry import path_notes
+from bellcrank.dynamics.inverse.motion_notes import path_notes
 from bellcrank.dynamics.postures.closed_inverse_kinematics import ClosedInverseKinematics
 from bellcrank.dynamics.postures.consistent_start import consistent_posture
 from bellcrank.dynamics.postures.loop_kinematics import LoopKinematics

@@ -16,9 +16,12 @@ import numpy as np
 
 from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
-from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, differentiate_constraints
+from bellcrank.dynamics.constraints.constraint_derivatives import (
+    SymbolicRows,
+    aligned_constraints,
+    differentiate_constraints,
+)
 from bellcrank.dynamics.constraints.constraint_rows import characteristic_length, rows_of, velocity_units
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.inverse.idle_rotations import IdleRotation, idle_rotations

@@ -9,14 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array, Mask
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines, full_angle_residuals
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.constraints.constraint_sampling import in_metres
 from bellcrank.dynamics.equations.system import system_of, system_parameters
-from bellcrank.dynamics.postures.posture_search import Constrained, PostureSearch, Satisfied, StartCode, search_postures
+from bellcrank.dynamics.postures.posture_search import (
+    Constrained,
+    PostureSearch,
+    Satisfied,
+    StartCode,
+    scattered,
+    search_further,
+    search_postures,
+)
 from bellcrank.dynamics.postures.start_equations import start_equations
-from bellcrank.dynamics.postures.start_stages import scattered, search_further
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

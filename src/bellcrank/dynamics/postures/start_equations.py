@@ -10,7 +10,7 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.cached_values import computed_once
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints, alignment_owners, sine_rows
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints, alignment_owners, sine_rows
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.robot.model.joints import lengths_in_velocity
 

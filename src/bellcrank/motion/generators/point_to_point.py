@@ -19,14 +19,12 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.errors import InputError
-from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, BlendedPath, blended, straight
+from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, BlendedPath, Section, blended, straight, timing
 from bellcrank.motion.generators.closed_form import ClosedForm, TimedPath
-from bellcrank.motion.generators.path_timing import Section, timing
 from bellcrank.motion.generators.profile import Profile
 from bellcrank.motion.generators.profile import profile as make_profile
 from bellcrank.motion.generators.waypoints import checked_samples
-from bellcrank.motion.limit_notes import limit_notes
-from bellcrank.motion.magnitude_limits import check_size
+from bellcrank.motion.limit_checks import check_size, limit_notes
 from bellcrank.motion.motion import Motion, join
 from bellcrank.robot.model.joints import require_one_degree
 

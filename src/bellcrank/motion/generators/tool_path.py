@@ -19,9 +19,8 @@ from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, Segment, blended, straight
+from bellcrank.motion.generators.blends import MOST_BENT, STEEPEST, Section, Segment, blended, straight, timing
 from bellcrank.motion.generators.path import AXES, FARTHEST, FramePath, Orientation, PathOptions, Posture, Vector
-from bellcrank.motion.generators.path_timing import Section, timing
 from bellcrank.motion.kinematics.path_inverse_kinematics import follow_paths, start_posture
 from bellcrank.motion.motion import Motion
 

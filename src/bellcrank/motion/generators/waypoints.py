@@ -13,10 +13,9 @@ from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import continuous, from_rates
 from bellcrank.motion.generators.closed_form import ClosedForm, Rest, Side, States
-from bellcrank.motion.generators.quintic_spline import FEWEST, QuinticSpline, too_close
-from bellcrank.motion.limit_notes import limit_notes
-from bellcrank.motion.magnitude_limits import LONGEST, check_size, check_times
+from bellcrank.motion.limit_checks import LONGEST, check_size, check_times, limit_notes
 from bellcrank.motion.motion import Motion
+from bellcrank.motion.sampled.quintic_splines import FEWEST, QuinticSpline, too_close
 from bellcrank.robot.model.joints import JointLike
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.motion.kinematics.pose_equations import FrameTask
 from bellcrank.motion.kinematics.rotations import angles_to, between
-from bellcrank.motion.sampled.hermite import quintic
+from bellcrank.motion.sampled.quintic_splines import quintic
 from bellcrank.numerics import least_squares, singular_values
 from bellcrank.robot.model.joints import lengths_in_position
 

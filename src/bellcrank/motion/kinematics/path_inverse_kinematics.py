@@ -18,7 +18,7 @@ from bellcrank.motion.generators.path import (
 from bellcrank.motion.kinematics.continuation import CLOSE_ENOUGH, ContinuationError, Curve, Solver
 from bellcrank.motion.kinematics.pose_equations import FrameTask, check_plane, frame_task, vector_text
 from bellcrank.motion.kinematics.rotations import angles_to
-from bellcrank.motion.limit_notes import limit_notes
+from bellcrank.motion.limit_checks import limit_notes
 from bellcrank.motion.motion import Motion, join
 from bellcrank.robot.model.joints import JointLike
 

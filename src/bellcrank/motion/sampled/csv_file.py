@@ -16,21 +16,16 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.arrays import Array
-from bellcrank.config.numbers import decimal_number
-from bellcrank.config.units import units_for
+from bellcrank.config.units import decimal_number, units_for
 from bellcrank.errors import InputError
 from bellcrank.files.access import MOST_TABLE, read_text
 from bellcrank.files.csv_files import ROWS, unguarded, write_table
-from bellcrank.messages import unknown_name
+from bellcrank.messages import readable, unknown_name
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.motion.limit_notes import limit_notes
-from bellcrank.motion.magnitude_limits import LARGEST
+from bellcrank.motion.limit_checks import LARGEST, limit_notes
 from bellcrank.motion.motion import Motion
-from bellcrank.motion.sampled.column_consistency import inconsistencies
-from bellcrank.motion.sampled.file_precision import end_speed_noise, half_unit
-from bellcrank.motion.sampled.file_rows import FileRows, repaired
+from bellcrank.motion.sampled.file_checks import FileRows, end_speed_noise, half_unit, inconsistencies, repaired
 from bellcrank.motion.sampled.sampled_motion import sampled_motion
-from bellcrank.printable_text import readable
 from bellcrank.robot.model.joints import JointLike, RobotLike, unit_vector
 
 ENERGIES = "kinetic energy [J]"

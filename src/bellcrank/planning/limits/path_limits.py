@@ -19,11 +19,17 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.mechanism import Mechanism
-from bellcrank.planning.limits.limit_rows import CountedLimits, LimitRows, NamedLimit, limit_rows
+from bellcrank.planning.limits.limit_rows import (
+    CountedLimits,
+    LimitRows,
+    NamedLimit,
+    NormCoefficients,
+    ToolLimits,
+    limit_rows,
+)
 from bellcrank.planning.limits.motion_limits import MotionLimits
 from bellcrank.planning.limits.motor_limits import DrivenAxes, MotorLimits
 from bellcrank.planning.limits.path_torques import PathPlaces, PathTerms, PathTorques
-from bellcrank.planning.limits.tool_limits import NormCoefficients, ToolLimits
 from bellcrank.sizing.loads.one_sided_limits import ONE_SIDE
 
 if TYPE_CHECKING:

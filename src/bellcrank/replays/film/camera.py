@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.motion.kinematics.quaternions import conjugate, multiply
+from bellcrank.motion.kinematics.rotations import conjugate, multiply
 from bellcrank.replays.film.film import Camera, Ground
 from bellcrank.replays.geometry.shapes import triple
 

@@ -15,8 +15,7 @@ from bellcrank.arrays import Array, Indices
 from bellcrank.replays.film.camera import fit_camera
 from bellcrank.replays.film.decimation import slerp
 from bellcrank.replays.film.film import BodyLayer, Camera, Chart, Film, FilmLine
-from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.shapes import DrawnBody, outlines, world_corners
+from bellcrank.replays.geometry.shapes import Colour, DrawnBody, outlines, world_corners
 
 TINT, TINTED, OPACITY = (0.84, 0.37, 0.0), 0.6, 0.45  # of the second film's bodies
 MOST_LOOKED_AT = 200  # frames by which the camera is placed

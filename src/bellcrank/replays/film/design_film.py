@@ -11,13 +11,13 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
-from bellcrank.motion.kinematics.quaternions import rotate
+from bellcrank.motion.kinematics.rotations import rotate
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
 from bellcrank.replays.film.decimation import frame_rows
 from bellcrank.replays.film.film import Film, FilmSpring, Rod, TimelineEvent, Trace
 from bellcrank.replays.film.film_samples import FramePose
-from bellcrank.replays.film.link_stretch import LinkStretch
+from bellcrank.replays.film.live_shapes import LinkStretch
 from bellcrank.replays.film.motion_film import MotionSequence, motion_trajectories
 from bellcrank.replays.film.robot_view import film_axes, film_bodies, revolute_axes, traced_frames
 from bellcrank.replays.film.run_film import finite_rows, output_frames, run_trajectory

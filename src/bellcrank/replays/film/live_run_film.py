@@ -15,7 +15,7 @@ from bellcrank.replays.film.film import Film
 from bellcrank.replays.film.live_film import LiveFilm, byte_planes, finite, name_of
 from bellcrank.replays.film.live_shapes import ShownExpressions
 from bellcrank.scene.settings import Settings
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.live_simulation import live_simulation
 from bellcrank.simulation.trajectory.plot_panels import linear_panels, residual_panels, shown_unit
 from bellcrank.simulation.trajectory.run_warnings import LARGEST_DRIFT

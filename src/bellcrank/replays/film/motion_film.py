@@ -11,7 +11,7 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.input_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.elements.joint_forces import JointSpring

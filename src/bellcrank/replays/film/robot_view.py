@@ -11,9 +11,8 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.motion.kinematics.quaternions import rotate
-from bellcrank.replays.film.arrow_scale import ArrowScale, scales_up_to
-from bellcrank.replays.film.arrows import child_link
+from bellcrank.motion.kinematics.rotations import rotate
+from bellcrank.replays.film.arrows import ArrowScale, child_link, scales_up_to
 from bellcrank.replays.film.camera import CameraScene
 from bellcrank.replays.film.film import Arrow, FilmAxis
 from bellcrank.replays.film.film_samples import PointFunction, SampledFrames

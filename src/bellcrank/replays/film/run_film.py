@@ -15,7 +15,7 @@ from bellcrank.elements.joint_stops import GearContact
 from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels
-from bellcrank.motion.sampled.hermite import smooth_between
+from bellcrank.motion.sampled.quintic_splines import smooth_between
 from bellcrank.notes import reached
 from bellcrank.replays.film.arrows import (
     RunFrames,

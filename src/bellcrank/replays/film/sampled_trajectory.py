@@ -11,7 +11,7 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.motion.coordinates import continuous, rates
-from bellcrank.motion.kinematics.quaternions import from_matrices, make_continuous
+from bellcrank.motion.kinematics.rotations import from_matrices, make_continuous
 from bellcrank.replays.film.decimation import MOST_HALF_TURN, interpolation_error
 from bellcrank.robot.model.joints import LENGTHS
 

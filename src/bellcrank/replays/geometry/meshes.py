@@ -23,12 +23,21 @@ from bellcrank.arrays import Array
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, read_bytes
-from bellcrank.replays.geometry.collada_files import check_collada, collada_triangles
-from bellcrank.replays.geometry.colours import Colour
-from bellcrank.replays.geometry.mesh_limits import MOST_FACES, MOST_PARTS, MeshError, ReadReferenced, too_many
+from bellcrank.replays.geometry.mesh_files import (
+    MOST_FACES,
+    MOST_PARTS,
+    MeshError,
+    ReadReferenced,
+    check_collada,
+    collada_triangles,
+    mtl_textures,
+    obj_libraries,
+    obj_triangles,
+    stl_triangles,
+    too_many,
+)
 from bellcrank.replays.geometry.mesh_simplification import Simplifier, weld
-from bellcrank.replays.geometry.shapes import Mesh
-from bellcrank.replays.geometry.stl_obj_files import mtl_textures, obj_libraries, obj_triangles, stl_triangles
+from bellcrank.replays.geometry.shapes import Colour, Mesh
 from bellcrank.robot.formats.mesh_path import find_beside
 
 # ---- Mesh files (STL, OBJ, COLLADA) as triangles, one part for each colour.
@@ -98,9 +107,7 @@ FIRST_TOLERANCE = 2e-4  # of the robot's size: a tenth of a pixel if the robot f
 LEAST_FACTOR, MOST_FACTOR, MOST_STEPS = 2**0.25, 2.0, 32  # from one tolerance to the next
 STEP_TIME = 0.2  # approximate time for a tolerance, relative to the one before
 MOST_BYTES = 200 * 2**20  # of one file
-MODULES = (  # on which the cached meshes depend
-    "meshes", "mesh_limits", "stl_obj_files", "collada_files", "colours", "mesh_simplification",
-)  # fmt: skip
+MODULES = ("meshes", "mesh_files", "shapes", "mesh_simplification")  # on which the cached meshes depend
 
 
 @dataclass(frozen=True, eq=False)

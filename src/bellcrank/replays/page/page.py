@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bellcrank.files.atomic_write import write_text
-from bellcrank.printable_text import readable
+from bellcrank.messages import readable
 from bellcrank.replays.film.film import Film
-from bellcrank.replays.page.array_encoding import deflate_base64
-from bellcrank.replays.page.film_encoding import encode_film
+from bellcrank.replays.page.film_encoding import deflate_base64, encode_film
 from bellcrank.version import version
 
 ASSETS = Path(__file__).with_name("assets")

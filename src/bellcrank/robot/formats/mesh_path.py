@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from bellcrank.files.access import ALLOW, FileAccess
-from bellcrank.printable_text import file_name_here
+from bellcrank.messages import file_name_here
 
 PACKAGE = "package.xml"  # the file that makes a folder a ROS package
 

@@ -45,8 +45,7 @@ from bellcrank.simulation.files.save_run import (
     write_archive,
 )
 from bellcrank.simulation.integration.integration import repeat_run
-from bellcrank.simulation.integration.statistics import Statistics, statistics_of
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Statistics, Status, statistics_of
 from bellcrank.simulation.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.elements.signals import Signal
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.printable_text import file_name_here
+from bellcrank.messages import file_name_here
 from bellcrank.scene.run_contents import refusing, run_contents, unpacked_scene
 from bellcrank.scene.scene import Scene, load_held_scene
 from bellcrank.simulation.files.run_file_checks import check_arrays, checked_about
-from bellcrank.simulation.integration.drive_gains import tuned
+from bellcrank.simulation.integration.automatic_gains import tuned
 from bellcrank.simulation.integration.integration import repeat_run, until_turned_over
 from bellcrank.simulation.trajectory.events import event_at
 from bellcrank.simulation.trajectory.trajectory import Trajectory

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
 from bellcrank.files.npz_archive import brief
 from bellcrank.notes import MATTERS, OMISSIONS, Note
 from bellcrank.robot.model.joints import unit_vectors
 from bellcrank.scene.settings import ERROR_BOUND, STABILISATIONS, Settings, Stabilisation
-from bellcrank.simulation.integration.statistics import Statistics, Unresolved
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Statistics, Status, Unresolved
 
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene

@@ -25,7 +25,7 @@ from bellcrank.elements.expression_constraint import FunctionConstraint
 from bellcrank.elements.sampled_controllers import FunctionController, StateSpace
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
-from bellcrank.printable_text import readable, utf8
+from bellcrank.messages import readable, utf8
 from bellcrank.robot.model.joints import LENGTHS
 from bellcrank.scene.run_contents import RUN, VERSION
 from bellcrank.terminal import interruption

@@ -16,13 +16,13 @@ from bellcrank.cached_values import computed_once
 from bellcrank.codegen import llvm as machine
 from bellcrank.codegen.compile import Compiled, make_ready
 from bellcrank.codegen.machine_code import raise_failure
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_rows import coordinate_weights
 from bellcrank.dynamics.constraints.singular_mass_matrix import refuse_singular_mass_matrix
 from bellcrank.dynamics.equations.compiled_equations import LARGEST_STAGED, System
 from bellcrank.dynamics.equations.system import start_states, system_of
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end, signals_until
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end, signals_until
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.element import joint_unit
@@ -30,9 +30,8 @@ from bellcrank.elements.joint_stops import JointStop
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.robot.model.joints import unit_vectors
-from bellcrank.scene.constraint_conditions import ContactLost
+from bellcrank.scene.events import ContactLost
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.integration.held_entries import found_signals, function_updates, held_entries, known_signals
 from bellcrank.simulation.integration.integration_problem import (
     DerivativeKernels,
     EventSearch,
@@ -40,9 +39,12 @@ from bellcrank.simulation.integration.integration_problem import (
     Kernels,
     StateLayout,
     StepControl,
+    found_signals,
+    function_updates,
+    held_entries,
+    known_signals,
 )
-from bellcrank.simulation.integration.statistics import statistics_of
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status, statistics_of
 from bellcrank.simulation.trajectory.events import Event, event_at
 from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank.terminal import interruption

@@ -16,8 +16,7 @@ from bellcrank.dynamics.equations.system import system_parameters
 from bellcrank.errors import InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.scene.settings import SOLVERS, Settings, check_rows
-from bellcrank.simulation.integration.baumgarte_gains import automatic_gains
-from bellcrank.simulation.integration.drive_gains import tuned
+from bellcrank.simulation.integration.automatic_gains import automatic_gains, tuned
 from bellcrank.simulation.integration.integration import Integration, RunRows, prepared_integration
 
 RECENT = 4  # integrations of a scene that are kept for the next call

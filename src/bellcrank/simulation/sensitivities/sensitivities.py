@@ -338,7 +338,7 @@ class RunSensitivity:
             >>> path.read_text().split(",")[1]
             'd(crank position)/d(crank_length) [rad per m]'
         """
-        from bellcrank.simulation.files.sensitivity_files import write_csv
+        from bellcrank.simulation.files.run_csv import write_csv
 
         return write_csv([self], arguments.path("path", path, "the path of a file"))
 

@@ -24,7 +24,7 @@ from bellcrank.elements.element import joint_unit
 from bellcrank.errors import InputError
 from bellcrank.memory import check_memory
 from bellcrank.messages import unknown_name
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.sensitivities.sensitivities import ComputedSensitivities
 from bellcrank.terminal import interruption
 

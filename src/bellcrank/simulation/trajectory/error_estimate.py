@@ -32,7 +32,7 @@ from bellcrank._step import methods
 from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.scene.settings import FINEST_RTOL
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 
 if TYPE_CHECKING:
     from bellcrank.scene.settings import Settings

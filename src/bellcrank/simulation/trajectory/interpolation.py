@@ -11,7 +11,7 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.motion.coordinates import from_rates, rates
-from bellcrank.motion.sampled.hermite import smooth_between
+from bellcrank.motion.sampled.quintic_splines import smooth_between
 from bellcrank.motion.sampled.resampling import before
 
 if TYPE_CHECKING:

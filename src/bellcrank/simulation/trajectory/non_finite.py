@@ -12,7 +12,7 @@ import numpy as np
 from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.elements.signals import values_at
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Status
 
 if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal

@@ -11,8 +11,8 @@ import numpy as np
 from bellcrank.arrays import Array
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.equations.system import start_states, system_of, system_parameters
-from bellcrank.dynamics.inverse.path_geometry import path_notes
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
+from bellcrank.dynamics.inverse.motion_notes import path_notes
 from bellcrank.dynamics.postures.consistent_start import (
     MOVED,
     consistent_start,
@@ -28,7 +28,7 @@ from bellcrank.elements.frame_forces import Wrench
 from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.joint_forces import Torque
 from bellcrank.elements.sampled_controllers import StateSpace, samples_of
-from bellcrank.motion.limit_notes import FAR_OUT, MOST_TURNED
+from bellcrank.motion.limit_checks import FAR_OUT, MOST_TURNED
 from bellcrank.notes import Note
 
 if TYPE_CHECKING:

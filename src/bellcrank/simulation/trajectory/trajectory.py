@@ -14,23 +14,22 @@ from bellcrank import arguments
 from bellcrank.arguments import Progress
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
 from bellcrank.dynamics.constraints.constraint_alignment import alignment_cosines_along
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.equations.system import system_of
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked, reached
 from bellcrank.robot.model.joints import unit_vectors
-from bellcrank.simulation.integration.statistics import Statistics
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.statistics import Statistics, Status
 from bellcrank.simulation.trajectory.events import Event
 from bellcrank.simulation.trajectory.state_history import StateHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bellcrank.dynamics.constraints.mobility import ConstraintRank
     from bellcrank.scene.settings import Settings
-    from bellcrank.simulation.integration.constraint_rank import ConstraintRank
     from bellcrank.simulation.sensitivities.sensitivities import ComputedSensitivities, RunSensitivity
     from bellcrank.simulation.trajectory.error_estimate import Accuracy
 
@@ -309,7 +308,7 @@ class Trajectory(StateHistory):
             >>> bc.simulate("four_bar").constraint_rank().rank
             2
         """
-        from bellcrank.simulation.integration.constraint_rank import ConstraintRank, rank_of
+        from bellcrank.dynamics.constraints.mobility import ConstraintRank, rank_of
 
         count = len(self.time)
         row = arguments.whole("row", row, least=-count, most=count - 1)

@@ -21,7 +21,7 @@ from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.model.traced_tree import INERTIA, ORIGIN, setting
 from bellcrank.simulation.live_settings import Setting, parameter_settings, slider_end
 from bellcrank.sizing.live.live_choice import Choices, pick
-from bellcrank.sizing.live.live_loops import LiveLoops
+from bellcrank.sizing.live.live_motion import LiveLoops
 
 if TYPE_CHECKING:
     import casadi

@@ -8,7 +8,7 @@ Two functions say all that the page computes; it only sums and compares what the
 `sample` takes a quintic of a motion (live_motion.py); the place in it: the share, and how long the quintic lasts; the
 signs of the joints' speeds in the piece; the factor on the motion's speed; the settings p; and of a linkage whose
 lengths are among them the positions of the joints that follow from others, which a third function finds
-(live_loops.py). It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
+(live_motion.py). It gives the joints' torques by the expressions of `robot.inverse_dynamics` and, for a linkage, by the
 principle of virtual power (dynamics/inverse/motor_shares.py); live_criteria.py gives the torques at the motors' shafts,
 and the criteria of motors and gears, which `verdict` ends. Tests compare both with `bellcrank.size` and
 `bellcrank.judge`.
@@ -29,13 +29,12 @@ from bellcrank.dynamics.constraints.constraint_derivatives import SymbolicRows, 
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.elements.symbols import Symbols
-from bellcrank.motion.sampled.hermite import quintic_polynomial
+from bellcrank.motion.sampled.quintic_splines import quintic_polynomial
 from bellcrank.simulation.live_settings import Setting
 from bellcrank.sizing.live.live_choice import Choices, LiveChoice
 from bellcrank.sizing.live.live_criteria import LiveDrive, LiveSample
 from bellcrank.sizing.live.live_inputs import LiveSettings, changeable_parameters, own_parameters, payload_parameters
-from bellcrank.sizing.live.live_loops import LiveLoops, leading_joints
-from bellcrank.sizing.live.live_motion import velocities
+from bellcrank.sizing.live.live_motion import LiveLoops, leading_joints, velocities
 from bellcrank.sizing.loads.one_sided_limits import ONE_SIDE, STILL
 from bellcrank.sizing.selection.criteria import TOLERANCE
 

@@ -23,10 +23,10 @@ from bellcrank.actuators.product_arrays import Curves, GearArrays, MotorArrays
 from bellcrank.actuators.short_time_limits import curve_use
 from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.cached_values import cached_property
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks
+from bellcrank.dynamics.inverse.input_breakpoints import force_breaks
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
-from bellcrank.sizing.loads.design_states import MotionStates
+from bellcrank.sizing.loads.design_states import MotionStates, OwnGrid
 from bellcrank.sizing.loads.motion_grid import (
     GAUSS,
     NOISE,
@@ -38,7 +38,6 @@ from bellcrank.sizing.loads.motion_grid import (
     with_probes,
 )
 from bellcrank.sizing.loads.series_maxima import MaximaSearch
-from bellcrank.sizing.loads.waypoint_states import OwnGrid
 
 Whole = Indices
 Index = Any  # what selects designs or motors: numbers, or arrays of them

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_times
+from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.sizing.loads.motion_grid import motion_sides

@@ -11,13 +11,13 @@ import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.arrays import Array
-from bellcrank.dynamics.inverse.force_table_breakpoints import force_breaks, with_force_rows
+from bellcrank.dynamics.inverse.input_breakpoints import force_breaks, with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.sampled_motion import with_every_other_row
 from bellcrank.sizing.joint_sizing import Cycle, Peak
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite
 from bellcrank.sizing.loads.joint_loads import JointLoads
+from bellcrank.sizing.loads.load_checks import refuse_non_finite
 from bellcrank.sizing.loads.motion_grid import Grid, grid_along, reversal_times, root_mean_square
 from bellcrank.sizing.loads.series_maxima import Maxima, maxima, on_grid
 from bellcrank.sizing.loads.structure_loads import StructureLoad, peaks_on_grid, structure_loads

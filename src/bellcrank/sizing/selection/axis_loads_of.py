@@ -11,17 +11,16 @@ from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.coupled_transmission import CoupledTransmission, checked_transmissions
 from bellcrank.actuators.mount import Mount, checked_mounts
 from bellcrank.arrays import Array, Mask
-from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.input_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import InputError
-from bellcrank.motion.duty_program import DutyStep
 from bellcrank.motion.motion import Motion, require_joints
+from bellcrank.motion.motion_entry import DutyStep
 from bellcrank.sizing.loads.coupled_axes import axis_coordinates, of_axes
-from bellcrank.sizing.loads.finite_checks import refuse_non_finite
+from bellcrank.sizing.loads.load_checks import refuse_non_finite
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, CycleTerms, DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads
-from bellcrank.sizing.selection.cycle_transitions import transition_notes
-from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles
+from bellcrank.sizing.selection.load_cycles import PlannedCycle, Shafts, planned_cycles, transition_notes
 from bellcrank.sizing.selection.mounted_bodies import MountedBody, MountKinematics, States
 
 

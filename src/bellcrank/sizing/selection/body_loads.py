@@ -23,8 +23,7 @@ from bellcrank.arrays import Array, Indices
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
 from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.numerics import products
-from bellcrank.sizing.selection.mounted_bodies import BodyMotion, MountedBody, MountKinematics, States
-from bellcrank.sizing.selection.tree_kinematics import JointMotion
+from bellcrank.sizing.selection.mounted_bodies import BodyMotion, JointMotion, MountedBody, MountKinematics, States
 
 
 class AxisLoadSamples(NamedTuple):

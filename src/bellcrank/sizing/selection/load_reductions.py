@@ -24,8 +24,7 @@ from bellcrank.actuators.powertrain import PowerTrains, motoring
 from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import cached_property
 from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
-from bellcrank.sizing.selection.extreme_points import extreme_points, not_dominated
-from bellcrank.sizing.selection.sample_blocks import Blocks
+from bellcrank.sizing.selection.extreme_points import Blocks, extreme_points, not_dominated
 
 DRIVING, DRIVEN, ACCELERATION, DIRECTION, SPEED = range(5)  # the features
 STRETCHES = 64  # of a cycle, in which its heat is bounded: more cost time, fewer leave more to the exact solution

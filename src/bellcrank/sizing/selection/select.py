@@ -17,11 +17,11 @@ from bellcrank.actuators.gear import DIRECT
 from bellcrank.actuators.mount import Mount
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.motion.duty_program import DutyStep, checked_duty
+from bellcrank.motion.motion_entry import DutyStep, checked_duty
 from bellcrank.notes import reached
 from bellcrank.robot.model.payload import Payload
-from bellcrank.sizing.axis_conditions import check_momentary_loads, conditions_of
-from bellcrank.sizing.loads.massless_motors import refuse_massless
+from bellcrank.sizing.drive_verdicts import check_momentary_loads, conditions_of
+from bellcrank.sizing.loads.load_checks import refuse_massless
 from bellcrank.sizing.loads.motion_peaks import undetermined_peaks
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.selection.axis_loads_of import AxisModel, axis_model

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from bellcrank.actuators.catalogue.catalogue import Catalogue
     from bellcrank.dynamics.inverse.mechanism import Mechanism
-    from bellcrank.motion.duty_program import DutyStep
     from bellcrank.motion.motion import Motion
+    from bellcrank.motion.motion_entry import DutyStep
     from bellcrank.scene.robot_config import RobotConfig
     from bellcrank.sizing.verification import SelectionVerification
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING
 
-from bellcrank.actuators.condition_fields import OF_AN_AXIS, UNITS
+from bellcrank.actuators.actuator_fields import OF_AN_AXIS, UNITS
 from bellcrank.actuators.conditions import Conditions, entries
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.text_tables import (

@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.actuators.actuator import Actuator
-from bellcrank.actuators.actuator_fields import actuator_data, drive_data
-from bellcrank.actuators.condition_fields import ROBOT_WIDE, condition_data
+from bellcrank.actuators.actuator_fields import ROBOT_WIDE, actuator_data, condition_data, drive_data
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
 from bellcrank.files import atomic_write
 from bellcrank.files.access import FileAccess
-from bellcrank.printable_text import file_name_here, one_line
+from bellcrank.messages import file_name_here, one_line
 from bellcrank.robot import catalog
 from bellcrank.scene.overrides import apply_overrides
 from bellcrank.scene.robot_config import RobotConfig, read_config
 from bellcrank.scene.source_mapping import plain
-from bellcrank.sizing.selection.actuator_masses import body_of
+from bellcrank.sizing.selection.axis_pairs import body_of
 from bellcrank.sizing.selection.tables import percent, selected_for
 
 if TYPE_CHECKING:

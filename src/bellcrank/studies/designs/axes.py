@@ -13,7 +13,7 @@ from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable
 from bellcrank.config.fields import parse_number
-from bellcrank.config.numbers import split_number, whole_number
+from bellcrank.config.units import split_number, whole_number
 from bellcrank.config.yaml_file import read_value
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value

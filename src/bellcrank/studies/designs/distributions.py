@@ -17,8 +17,7 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.config.fields import parse_number
-from bellcrank.config.numbers import split_number
-from bellcrank.config.units import UNITS
+from bellcrank.config.units import UNITS, split_number
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 

@@ -13,12 +13,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Self
 
 from bellcrank.errors import BellcrankError, InputError
-from bellcrank.studies.designs.design_ranges import DesignRange, RangeSize
+from bellcrank.studies.designs.design_space import DesignRange, RangeSize
 from bellcrank.studies.execution.dask_worker import RangeTask, run_range
 from bellcrank.studies.execution.design_runner import DesignRunner
-from bellcrank.studies.execution.execution import Part, Work
+from bellcrank.studies.execution.execution import DESIGNS_A_THREAD, Part, Work
 from bellcrank.studies.execution.local_cluster import LocalCluster
-from bellcrank.studies.execution.local_execution import DESIGNS_A_THREAD
 from bellcrank.studies.execution.software_and_processor import TARGETS_ALIKE, differences, environment
 from bellcrank.studies.results.study_columns import StudyColumns
 from bellcrank.terminal import interruption

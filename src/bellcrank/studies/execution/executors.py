@@ -7,8 +7,7 @@ from typing import Self
 
 from bellcrank import arguments
 from bellcrank.errors import InputError
-from bellcrank.studies.execution.execution import Executor, Part, Work
-from bellcrank.studies.execution.local_execution import LocalExecutor
+from bellcrank.studies.execution.execution import Executor, LocalExecutor, Part, Work
 
 MOST_THREADS = 1024
 MOST_WORKERS = 1024

@@ -15,8 +15,7 @@ from bellcrank.notes import Note, in_use, ranked
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.plain_axes import DesignAxis
 from bellcrank.studies.designs.sizing_changes import changes_of
-from bellcrank.studies.execution.design_runner import StudyInterrupted, scene_identity
-from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.design_runner import StudyInterrupted, infeasible_reason, scene_identity
 from bellcrank.studies.results.study_columns import StudyColumns
 
 CYCLE = "cycle_time"

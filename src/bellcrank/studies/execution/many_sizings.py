@@ -11,8 +11,7 @@ from bellcrank.actuators.actuator import RATINGS, Actuator
 from bellcrank.arrays import Array, Mask
 from bellcrank.motion.entry_kinds import WaypointsEntry
 from bellcrank.sizing.loads.design_peaks import DesignInputs, DesignMotion, DesignPeaks
-from bellcrank.sizing.loads.design_states import MotionStates, OwnStates, SharedStates
-from bellcrank.sizing.loads.waypoint_states import WaypointStates
+from bellcrank.sizing.loads.design_states import MotionStates, OwnStates, SharedStates, WaypointStates
 from bellcrank.studies.designs.scene_designs import SceneDesigns
 from bellcrank.studies.execution.shared_sizing import SharedSizing
 

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bellcrank.arrays import Indices
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end
-from bellcrank.simulation.integration.held_entries import found_signals
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
 from bellcrank.simulation.integration.integration import repeat_run
-from bellcrank.simulation.integration.statistics import Statistics
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.integration_problem import found_signals
+from bellcrank.simulation.integration.statistics import Statistics, Status
 from bellcrank.simulation.trajectory.non_finite import AHEAD, causes
 from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank.studies.results.measures import target_events

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bellcrank.arrays import Array, Indices, Mask
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.elements.signals import Signal, values_at
-from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
-from bellcrank.simulation.integration.held_entries import known_signals
+from bellcrank.simulation.integration.ensemble import EnsembleResult
+from bellcrank.simulation.integration.integration_problem import known_signals
 
 if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled

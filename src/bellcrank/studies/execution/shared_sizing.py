@@ -10,9 +10,9 @@ import numpy as np
 
 from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
-from bellcrank.dynamics.constraints.aligned_constraints import aligned_constraints
+from bellcrank.dynamics.constraints.constraint_derivatives import aligned_constraints
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
-from bellcrank.dynamics.inverse.force_table_breakpoints import with_force_rows
+from bellcrank.dynamics.inverse.input_breakpoints import with_force_rows
 from bellcrank.dynamics.inverse.mechanism import Mechanism, coulomb_widths
 from bellcrank.dynamics.inverse.motor_torques import MotorTorques
 from bellcrank.elements.dry_friction import DryFriction
@@ -29,7 +29,7 @@ from bellcrank.scene.scene import Scene
 from bellcrank.sizing.holding_gravity import HoldingSearch
 from bellcrank.sizing.loads.design_peaks import DesignMotion
 from bellcrank.sizing.loads.joint_loads import JointLoads
-from bellcrank.sizing.loads.massless_motors import massless_motors
+from bellcrank.sizing.loads.load_checks import massless_motors
 from bellcrank.sizing.loads.motion_grid import grid_along
 from bellcrank.sizing.loads.series_maxima import maxima, on_grid
 from bellcrank.sizing.sensitivities import independent_joints

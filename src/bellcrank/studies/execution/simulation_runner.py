@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from bellcrank.arrays import Array, Indices
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.equations.system import system_of
-from bellcrank.dynamics.inverse.prescribed_motion_end import prescribed_motion_end, signals_until
+from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end, signals_until
 from bellcrank.elements.signals import values_at
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.integration.ensemble import EnsembleStarts, integrate_ensemble
-from bellcrank.simulation.integration.ensemble_problem import EnsembleResult
-from bellcrank.simulation.integration.held_entries import known_signals
-from bellcrank.simulation.integration.status import Status
+from bellcrank.simulation.integration.ensemble import EnsembleResult, EnsembleStarts, integrate_ensemble
+from bellcrank.simulation.integration.integration_problem import known_signals
+from bellcrank.simulation.integration.statistics import Status
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory.trajectory import Trajectory
 from bellcrank.studies.designs.plain_axes import DesignAxis

@@ -22,8 +22,7 @@ from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.sizing_subject import sizing_subject
 from bellcrank.studies.designs.plain_axes import DesignAxis
 from bellcrank.studies.designs.sizing_changes import changes_of, factors, override
-from bellcrank.studies.execution.design_runner import StudyInterrupted, scene_identity
-from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.design_runner import StudyInterrupted, infeasible_reason, scene_identity
 from bellcrank.studies.execution.many_sizings import SizingBatch, certain
 from bellcrank.studies.execution.shared_sizing import SharedSizing
 from bellcrank.studies.results.sizing_measures import Judged, judged, measures_of

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from bellcrank.errors import InputError
 from bellcrank.simulation.files.checkpoints import CHECKPOINT_EVERY
-from bellcrank.studies.designs.design_ranges import UndoneDesigns
+from bellcrank.studies.designs.design_space import UndoneDesigns
 from bellcrank.studies.execution.design_runner import DesignRunner
-from bellcrank.studies.execution.execution import Designs, Executor, Work
-from bellcrank.studies.execution.local_execution import LocalExecutor
-from bellcrank.studies.execution.study_folder import StudyFolder
-from bellcrank.studies.execution.study_rows import StudyRows
+from bellcrank.studies.execution.execution import Designs, Executor, LocalExecutor, Work
+from bellcrank.studies.execution.study_folder import StudyFolder, StudyRows
 from bellcrank.studies.results.study_columns import StudyColumns
 
 SPACING = 20.0  # times as long as writing takes: at most a twentieth of the time is spent on it

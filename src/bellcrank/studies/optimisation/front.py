@@ -24,8 +24,8 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.access import Trust
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
-from bellcrank.scene.optimise_entry import MOST_FRONT_POINTS
 from bellcrank.scene.scene import Scene
+from bellcrank.scene.study import MOST_FRONT_POINTS
 from bellcrank.studies.execution.executors import choose_executor
 from bellcrank.studies.optimisation.kept_designs import KeptDesigns
 from bellcrank.studies.optimisation.local_search import KEPT

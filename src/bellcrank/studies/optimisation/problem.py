@@ -17,16 +17,15 @@ import numpy as np
 from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import cached_property
 from bellcrank.config.fields import parse_number
-from bellcrank.config.numbers import split_number, whole_number
+from bellcrank.config.units import split_number, whole_number
 from bellcrank.notes import Note
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.axes import StudyAxis
 from bellcrank.studies.designs.sizing_changes import PLACEMENT, present_duration
 from bellcrank.studies.execution.design_runner import DesignRunner, StudyInterrupted
-from bellcrank.studies.execution.execution import Executor
+from bellcrank.studies.execution.execution import Executor, LocalExecutor
 from bellcrank.studies.execution.executors import Opened
 from bellcrank.studies.execution.fastest_runner import FastestRunner
-from bellcrank.studies.execution.local_execution import LocalExecutor
 from bellcrank.studies.execution.sizing_runner import SizingRunner
 from bellcrank.studies.execution.study import run_study
 from bellcrank.studies.optimisation.formulas import Formula

@@ -15,17 +15,16 @@ from bellcrank.config.fields import parse_number
 from bellcrank.elements.parameters import is_of_the_tree
 from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
-from bellcrank.scene.optimise_entry import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.scene.scene import Scene
+from bellcrank.scene.study import MOST_DESIGNS, MOST_FRONT_POINTS, MOST_STARTS, OptimiseEntry, sizes_as_written
 from bellcrank.studies.designs.axes import MOST_VALUES, StudyAxis, read_axis
 from bellcrank.studies.designs.design_space import MOST_DIMENSIONS
 from bellcrank.studies.designs.distributions import Distribution, is_distribution, read_distribution
 from bellcrank.studies.designs.samples import LARGEST_SEED
 from bellcrank.studies.designs.sizing_changes import present_value
 from bellcrank.studies.execution.design_runner import DesignRunner
-from bellcrank.studies.execution.execution import Executor
+from bellcrank.studies.execution.execution import Executor, LocalExecutor
 from bellcrank.studies.execution.fastest_runner import FastestRunner
-from bellcrank.studies.execution.local_execution import LocalExecutor
 from bellcrank.studies.optimisation.formulas import Formulas
 from bellcrank.studies.optimisation.problem import DesignProblem, Variable, written_value
 from bellcrank.studies.optimisation.robustness import Robustness, read_rule

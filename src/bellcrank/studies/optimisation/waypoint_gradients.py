@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array, Indices
+from bellcrank.sizing.loads.design_states import WaypointStates
 from bellcrank.sizing.loads.series_maxima import vertex_of
-from bellcrank.sizing.loads.waypoint_states import WaypointStates
 from bellcrank.studies.execution.many_sizings import SizingBatch, certain
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ import numpy as np
 from bellcrank.arrays import Array, Mask
 from bellcrank.dynamics.equations.system import system_of
 from bellcrank.motion.coordinates import position_labels, velocity_labels
-from bellcrank.scene.constraint_conditions import ContactLost, FrictionDemand, LiesFlat, SingularConstraint
+from bellcrank.scene.events import ContactLost, FrictionDemand, LiesFlat, SingularConstraint
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bellcrank.studies.results.exceedance import Exceedance
-    from bellcrank.studies.results.sobol_indices import SobolIndices
+    from bellcrank.studies.results.sensitivity import SobolIndices
     from bellcrank.studies.results.tolerance import Estimate, MeasureDistribution
 
 BODY, BEYOND, MIDDLE = PALETTE[5], PALETTE[1], PALETTE[6]

@@ -18,12 +18,10 @@ from bellcrank.messages import unknown_name
 from bellcrank.notes import Note, reached
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.axes import StudyAxis
-from bellcrank.studies.designs.design_rows import Design, DesignRows
 from bellcrank.studies.designs.design_space import DesignSpace
-from bellcrank.studies.results.study_columns import StudyColumns, varies
-from bellcrank.studies.results.sweep_files import write_csv, write_json, write_npz, write_parquet
+from bellcrank.studies.results.study_columns import Design, DesignRows, StudyColumns, varies
 from bellcrank.studies.results.sweep_plot import plot_sweep
-from bellcrank.studies.results.sweep_tables import text_table
+from bellcrank.studies.results.sweep_tables import text_table, write_csv, write_json, write_npz, write_parquet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

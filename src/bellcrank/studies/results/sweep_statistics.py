@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from bellcrank.arrays import Indices
 from bellcrank.errors import InputError
-from bellcrank.studies.designs.samples import Sample
-from bellcrank.studies.designs.sensitivity_sample import SensitivitySample
+from bellcrank.studies.designs.samples import Sample, SensitivitySample
 from bellcrank.studies.results.intervals import LEAST_REPLICATES
 from bellcrank.studies.results.sample_statistics import SampleStatistics, sample_layout
 from bellcrank.studies.results.sensitivity import Sensitivity

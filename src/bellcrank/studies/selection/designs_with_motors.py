@@ -19,7 +19,7 @@ from bellcrank.sizing.selection.selection import Candidate, Selection
 from bellcrank.sizing.sizing_subject import OneMotion, changed_scene
 from bellcrank.studies.designs.axes import StudyAxis
 from bellcrank.studies.designs.sizing_changes import override
-from bellcrank.studies.execution.infeasible_reasons import infeasible_reason
+from bellcrank.studies.execution.design_runner import infeasible_reason
 from bellcrank.studies.selection.design_selection import DesignRow
 
 _PAYLOAD = re.compile(r"\Apayload\.")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from bellcrank import arguments
+from bellcrank.actuators.actuator_fields import OF_AN_AXIS
 from bellcrank.actuators.catalogue.catalogue import Catalogue
-from bellcrank.actuators.condition_fields import OF_AN_AXIS
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.arguments import Progress
 from bellcrank.arrays import Array

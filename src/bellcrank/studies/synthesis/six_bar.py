@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bellcrank.arrays import Array, Complex
-from bellcrank.studies.synthesis.four_bar import CrankRockers, Lengths, lengths_of, rocker_angles
-from bellcrank.studies.synthesis.four_bar_range import spanning
+from bellcrank.studies.synthesis.four_bar import CrankRockers, Lengths, lengths_of, rocker_angles, spanning
 from bellcrank.studies.synthesis.kinds import Turning, longest_of
 
 GRID = 2.0 * np.pi * np.arange(72) / 72.0  # crank angles between which the distance of P and R has one extreme

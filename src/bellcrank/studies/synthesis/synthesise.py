@@ -18,8 +18,7 @@ from bellcrank.arrays import Array, Complex
 from bellcrank.config.fields import parse_number
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.studies.designs.samples import LARGEST_SEED
-from bellcrank.studies.synthesis.four_bar import CrankRockers
-from bellcrank.studies.synthesis.four_bar_range import FourBarsOverRange
+from bellcrank.studies.synthesis.four_bar import CrankRockers, FourBarsOverRange
 from bellcrank.studies.synthesis.linkage import WORDS, FourBar, SixBar, SliderCrank
 from bellcrank.studies.synthesis.path_search import search
 from bellcrank.studies.synthesis.placement import FunctionTask, PointTask

@@ -1,4 +1,4 @@
-// ---- a linkage whose lengths are changed: the joints that follow from others (sizing/live/live_loops.py has the step)
+// ---- a linkage whose lengths are changed: the joints that follow from others (sizing/live/live_motion.py has the step)
 
 // As in dynamics/postures/loop_kinematics.py: where Newton's method ends, and the largest way from a posture to the next.
 const [CLOSED, CLOSED_ROUNDED, LEAP, NEWTON_STEPS] = [1e-13, 1e-11, 0.1, 12];
