@@ -17,7 +17,7 @@ import bellcrank as bc
 from bellcrank.actuators.catalogue import catalogue_files, catalogue_tables
 from bellcrank.actuators.catalogue.catalogue import SHIPPED
 from bellcrank.actuators.catalogue.catalogue_columns import CURVE_FIELDS, GEAR_COLUMNS, MOTOR_COLUMNS, Column
-from bellcrank.actuators.catalogue.catalogue_row_checks import Range
+from bellcrank.actuators.catalogue.product_checks import Range
 from bellcrank.config.units import UNITS
 
 MOTORS = "id,maker,model,kind,nominal_voltage [V],nominal_torque [mN m],mass [g],notes"

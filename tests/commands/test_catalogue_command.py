@@ -122,7 +122,7 @@ def test_own_products_are_added_or_alone(capsys: pytest.CaptureFixture[str], own
 
 def test_completeness_counts_rows_that_state_what_a_criterion_needs(tmp_path: Path) -> None:
     """By hand: a motor with and one without a speed limit, a gear with and one without an input speed."""
-    from bellcrank.sizing.selection.completeness import completeness
+    from bellcrank.commands.catalogue_tables import completeness
 
     motors = (
         bc.Motor(id="a", maker="M", model="M", max_speed=500.0, brake_torque=1.0, tilting_moment=3.0),

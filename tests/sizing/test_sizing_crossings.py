@@ -14,7 +14,7 @@ from page_series import decoded, value_at
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.dynamics.inverse.scene_inverse_dynamics import scene_inverse_dynamics
-from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
+from bellcrank.sizing.loads.motion_grid import STILL, Sides
 
 LINK = (
     '<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0.01" iyy="0.02" izz="0.03" '
@@ -427,7 +427,7 @@ def test_rms_torques_do_not_depend_on_the_speed_below_which_signs_are_rounding(
     friction = {f"panda_joint{k}": {"coulomb": 1.0} for k in range(1, 8)}
     found = []
     for still in (STILL, 1e-18):
-        monkeypatch.setattr("bellcrank.sizing.loads.one_sided_limits.STILL", still)
+        monkeypatch.setattr("bellcrank.sizing.loads.motion_grid.STILL", still)
         sizing = bc.size("panda", ["circle"], overrides={"friction": friction})
         found.append([joint.shaft.rms_torque for joint in sizing.joints if joint.shaft])
     np.testing.assert_allclose(*found, rtol=1e-8)

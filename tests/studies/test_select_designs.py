@@ -16,7 +16,7 @@ from bellcrank.sizing.selection.axis_loads_of import axis_loads
 from bellcrank.sizing.selection.axis_pairs import axis_pairs
 from bellcrank.sizing.selection.joint_problem import judge_choice
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
-from bellcrank.sizing.selection.ranking import total
+from bellcrank.sizing.selection.pairs import total
 from bellcrank.sizing.sizing_subject import changed_scene, sizing_subject
 from bellcrank.studies.selection.designs_with_motors import rank_of
 

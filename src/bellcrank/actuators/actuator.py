@@ -21,7 +21,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.actuators.actuator_checks import check_ratings
-from bellcrank.actuators.catalogue.catalogue_row_checks import Points
+from bellcrank.actuators.catalogue.product_checks import Points
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.continuous_torque import continuous_torque
 from bellcrank.actuators.electrical import electrical_power, electrical_torque

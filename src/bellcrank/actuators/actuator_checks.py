@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank import arguments
-from bellcrank.actuators.catalogue.catalogue_row_checks import Points
+from bellcrank.actuators.catalogue.product_checks import Points
 from bellcrank.errors import InputError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from bellcrank.actuators.actuator import RATINGS, Actuator
-from bellcrank.actuators.catalogue.catalogue_row_checks import POSITIVE, Range
+from bellcrank.actuators.catalogue.product_checks import POSITIVE, Range
 from bellcrank.actuators.catalogue.product_fields import (
     gear_from_fields,
     motor_from_fields,

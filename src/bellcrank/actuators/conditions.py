@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, TypeVar, get_args
 
 from bellcrank import arguments
-from bellcrank.actuators.catalogue.catalogue_row_checks import (
+from bellcrank.actuators.catalogue.product_checks import (
     NOT_NEGATIVE,
     TEMPERATURE,
     Range,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from bellcrank import arguments
-from bellcrank.actuators.catalogue.catalogue_row_checks import (
+from bellcrank.actuators.catalogue.product_checks import (
     NOT_NEGATIVE,
     SHARE,
     TEMPERATURE,

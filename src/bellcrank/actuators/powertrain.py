@@ -34,7 +34,7 @@ def motoring(load: Array, velocity: Array) -> Mask:
     """Whether a load takes power, as the one that a joint at rest holds does: load · velocity >= 0.
 
     The velocity is 0 where the joint rests for a finite time; at another zero it has the sign of one of its sides, as
-    the samples of sizing/loads/one_sided_limits.py have it.
+    the samples of sizing/loads/motion_grid.py have it.
     """
     return floats(np.sign(load) * velocity >= 0.0)  # type: ignore[return-value]
 

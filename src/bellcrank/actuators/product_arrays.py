@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from bellcrank.actuators.catalogue.catalogue_row_checks import Points
+from bellcrank.actuators.catalogue.product_checks import Points
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.arrays import Array, Mask

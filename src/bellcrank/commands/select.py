@@ -346,7 +346,7 @@ def _range(text: str) -> tuple[str, Any] | None:
 def conditions(arguments: argparse.Namespace) -> dict[str, Any]:
     """The conditions that the options give, by the names of the fields. Raises InputError, which names the option."""
     from bellcrank.actuators.actuator_fields import UNITS
-    from bellcrank.actuators.catalogue.catalogue_row_checks import POSITIVE
+    from bellcrank.actuators.catalogue.product_checks import POSITIVE
     from bellcrank.actuators.conditions import CHOICES, RANGES
 
     given: dict[str, Any] = {}

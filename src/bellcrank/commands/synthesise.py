@@ -128,8 +128,8 @@ def _read(file: Path) -> tuple[dict[str, Array], str | None]:
     import numpy as np
 
     from bellcrank.actuators.catalogue.catalogue_columns import Column
-    from bellcrank.actuators.catalogue.catalogue_row_checks import Range
     from bellcrank.actuators.catalogue.catalogue_tables import number, read_table
+    from bellcrank.actuators.catalogue.product_checks import Range
 
     table = read_table(file, "a header 'x [m],y [m]' and rows of points")
     units = {"x": "m", "y": "m", "crank": "rad", "coupler": "rad", "rocker": "rad", "slider": "m"}

@@ -18,11 +18,10 @@ from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
 from bellcrank.motion.limit_checks import limit_notes
 from bellcrank.motion.motion import Motion, join
-from bellcrank.planning.fastest_motion import FastestMotion, LimitExcess
+from bellcrank.planning.fastest_motion import FastestMotion, LimitExcess, active_limits, limit_costs
 from bellcrank.planning.fastest_pass import PathTiming, fastest_on_grid, fastest_refined, least_time
 from bellcrank.planning.jerk.jerk_pass import JerkTiming, jerk_limited
 from bellcrank.planning.joint_path import JointPath, one_degree_joints, paths_of_motion
-from bellcrank.planning.limits.limit_costs import active_limits, limit_costs
 from bellcrank.planning.limits.motion_limits import MotionLimits
 from bellcrank.planning.limits.path_limits import FASTEST, PathLimits
 from bellcrank.planning.timed_motion import EXCEEDED, TimedMotion, take_grid, timed_motion, worst_excess

@@ -23,9 +23,8 @@ from bellcrank.robot.model.pinocchio_model import LEAST_MASS
 from bellcrank.scene.events import ContactLost, LiesFlat
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
-from bellcrank.simulation.integration.prepare_integration import prepare_integration
 from bellcrank.simulation.integration.statistics import Status
-from bellcrank.simulation.simulate import simulate
+from bellcrank.simulation.simulate import prepare_integration, simulate
 
 if TYPE_CHECKING:
     from bellcrank.elements.element import Bound

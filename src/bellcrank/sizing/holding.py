@@ -9,7 +9,7 @@ import numpy as np
 
 from bellcrank.arrays import Array, Indices
 from bellcrank.dynamics.inverse.input_breakpoints import force_breaks
-from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
+from bellcrank.dynamics.inverse.mechanism import OpenChain
 from bellcrank.elements.dry_friction import DryFriction
 from bellcrank.elements.expression import has_time
 from bellcrank.elements.joint_forces import Damper, Friction, JointSpring

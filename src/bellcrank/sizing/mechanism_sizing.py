@@ -31,9 +31,8 @@ from bellcrank.sizing.drive_verdicts import DriveJudging
 from bellcrank.sizing.holding import holding_torques
 from bellcrank.sizing.holding_search import Holding
 from bellcrank.sizing.joint_sizing import Cycle, JointSizing, MotorSizing, Peak, ShaftSizing, largest_peak
-from bellcrank.sizing.loads.coupled_axes import MotorLoads, axis_coordinates
 from bellcrank.sizing.loads.joint_histories import SizingInputs
-from bellcrank.sizing.loads.joint_loads import JointLoads
+from bellcrank.sizing.loads.joint_loads import JointLoads, MotorLoads, axis_coordinates
 from bellcrank.sizing.loads.load_checks import (
     massless_motors,
     refuse_non_finite_joint,

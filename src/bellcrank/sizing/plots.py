@@ -54,7 +54,7 @@ POINTS = 1001  # a motion with fewer rows is drawn with this many points besides
 class DrawnMotion:
     """States of a motion, and the torques (n, len(joints)), N m or N, of the joints with one degree of freedom.
 
-    `sided` are the velocities (n, nv) with the signs of their sides (sizing/loads/one_sided_limits.py).
+    `sided` are the velocities (n, nv) with the signs of their sides (sizing/loads/motion_grid.py).
     """
 
     name: str

@@ -30,7 +30,7 @@ from bellcrank.notes import Note, WithNotes
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
-from bellcrank.simulation.trajectory.joint_contacts import AT_LIMIT, drive_columns, largest_bus_voltage
+from bellcrank.simulation.trajectory.events import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.text_tables import TableContent, text_table
 

@@ -8,8 +8,8 @@ import pytest
 import bellcrank as bc
 from bellcrank.actuators.mount import Mount
 from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+from bellcrank.dynamics.inverse.mechanism import OpenChain
 from bellcrank.dynamics.inverse.mechanism import mechanism_of as mechanism_of_robot
-from bellcrank.dynamics.inverse.open_chain_inverse_dynamics import OpenChain
 from bellcrank.sizing.selection import axis_loads_of
 from bellcrank.sizing.selection.axis_loads import AddedMass
 from bellcrank.sizing.selection.axis_loads_of import axis_loads

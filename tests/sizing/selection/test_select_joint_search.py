@@ -10,7 +10,7 @@ import pytest
 
 from bellcrank.sizing.selection.joint_problem import components, judge_choice, search_order
 from bellcrank.sizing.selection.joint_search import best_combination, fixed_point
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, NOTHING, PairVerdicts, as_key, rank_keys, total
+from bellcrank.sizing.selection.pairs import NOT_JUDGED, NOTHING, PairVerdicts, as_key, rank_keys, total
 
 CHAIN = np.triu(np.ones((3, 3), dtype=bool), 1)  # axis 0 is the base
 TWO_ARMS = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]], dtype=bool)

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from bellcrank.actuators.catalogue.catalogue_tables import Product
-from bellcrank.actuators.catalogue.consistency_check import Check, order, plausible, quotient
 from bellcrank.actuators.catalogue.motor_checks import MOTOR_CHECKS
+from bellcrank.actuators.catalogue.product_checks import Check, order, plausible, quotient
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear
 
 # ---- Checks of gears against themselves: the order of their limits, and figures that look like another unit.

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass, fields, replace
 from typing import Literal, get_args
 
 from bellcrank.actuators import gear, motor
-from bellcrank.actuators.catalogue.catalogue_row_checks import NOT_NEGATIVE, POSITIVE, SHARE, Range
+from bellcrank.actuators.catalogue.product_checks import NOT_NEGATIVE, POSITIVE, SHARE, Range
 from bellcrank.actuators.gear import LINEAR_KINDS, Gear, GearKind
 from bellcrank.actuators.motor import Commutation, Motor, MotorKind, TorqueConstantBasis
 

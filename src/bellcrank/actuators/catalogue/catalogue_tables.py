@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bellcrank.actuators.catalogue.catalogue_columns import CURVE_COLUMNS, Column
-from bellcrank.actuators.catalogue.catalogue_row_checks import Points
+from bellcrank.actuators.catalogue.product_checks import Points
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.config.units import decimal_number, units_for

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from bellcrank.actuators.catalogue.consistency_check import Check, order, plausible, product_of, quotient
+from bellcrank.actuators.catalogue.product_checks import Check, order, plausible, product_of, quotient
 from bellcrank.actuators.copper import COPPER, REFERENCE
 from bellcrank.actuators.motor import Motor
 

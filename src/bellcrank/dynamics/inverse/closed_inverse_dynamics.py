@@ -20,9 +20,8 @@ from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.constraints.constraint_rows import rows_of
 from bellcrank.dynamics.constraints.reactions import joint_reactions
-from bellcrank.dynamics.inverse.idle_rotation_motion import freed_motion
 from bellcrank.dynamics.inverse.idle_rotations import IdleRotation
-from bellcrank.dynamics.inverse.motor_shares import MotorShares, motor_shares, torque_shares
+from bellcrank.dynamics.inverse.motor_shares import MotorShares, freed_motion, motor_shares, torque_shares
 from bellcrank.dynamics.inverse.tree_inverse_dynamics import TreeInverseDynamics
 from bellcrank.dynamics.postures.dependent_motion import DependentMotions
 from bellcrank.dynamics.postures.loop_kinematics import LoopKinematics

@@ -9,21 +9,30 @@ where no force but those of springs and friction (in Q) acts on an idle rotation
 addition. With N_m chosen so that N_mᵀ M N_i = 0 the motors' torques do not depend on α: (N_mᵀ S) τ = N_mᵀ Q. More
 motors than driven freedoms share the load with the least Σ τ². Sources: Nakamura & Ghodoussi, IEEE Trans. Robotics
 Autom. 5 (1989); hybrid dynamics, Featherstone, Rigid Body Dynamics Algorithms (2008), 9.2.
+
+Kinematics alone give the least joint rates of an idle rotation, as if something held it still. It turns freely instead:
+its acceleration follows from its own equation of motion, on which no force but those of springs and friction acts
+(the second one above). The mass of a rod about its own axis is small, so that this hardly changes the motors' torques. Where
+it does, the weight of what turns matters, and the motion is refused.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bellcrank.arrays import Array
+from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.dynamics.postures.loop_kinematics import SINGULAR, rank
 from bellcrank.errors import InputError, UnreachableError
 from bellcrank.numerics import products, pseudo_inverse, svd
 
 if TYPE_CHECKING:
     from bellcrank.dynamics.inverse.closed_inverse_dynamics import Linkage
+    from bellcrank.motion.motion import Motion
+
 
 WELL_CONDITIONED = 1e3  # entry of the inverse of a scaled Jacobian, up to which it loses few digits
 MASSLESS = 1e-13  # of the largest inertia of a joint: an idle rotation with less has no inertia
@@ -187,3 +196,36 @@ def _cannot_move(linkage: Linkage, freedoms: int, too_few: bool, time: float | N
         f"{freedoms} degree{'s' * (freedoms != 1)} of freedom{besides} of {linkage.robot.name}{when}; actuate "
         f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
     )
+
+
+MATTERS = 0.05  # of a motor's largest torque: a rotation that changes it by more is not idle
+
+
+def freed_motion(linkage: Linkage, motion: Motion) -> Motion:
+    """The motion with the accelerations of idle rotations that turn freely, and a note that says so.
+
+    Raises InputError where holding them still would change the torque of a motor by more than 5 % of its largest.
+    """
+    idle = linkage.idle_rotations
+    if not idle:
+        return motion
+    t, q, v, a = force_times(motion.time, motion.time[-1]), motion.position, motion.velocity, motion.acceleration
+    jacobian = linkage.kinematics.terms(t, q, v).jacobian
+    need = linkage.equations.needed(t, q, v, a)
+    shares = motor_shares(linkage, q, jacobian, t)
+    assert shares.idle is not None
+    torque, held = products(shares.torques, need), products(held_shares(linkage, jacobian), need)
+    largest = max(float(np.abs(torque).max()), float(np.abs(held).max()))
+    change = float(np.abs(held - torque).max()) / largest if largest else 0.0
+    turns = f"{len(idle)} idle rotation{'s' * (len(idle) > 1)}, which no motor drives: {'; '.join(map(str, idle))}"
+    if change > MATTERS:
+        raise InputError(
+            f"motion '{motion.name}': the mechanism has {turns}; held still, they change motor torques by "
+            f"{change:.2%} of the largest, so that how they turn matters: give such a joint a motor (actuated), fix "
+            "it, or simulate the scene with prescribed motions of the motors, whose multipliers are the torques"
+        )
+    note = (
+        f"motion '{motion.name}' leaves {turns}; they turn freely, from rest, with no force but those of springs and "
+        f"friction; held still, they would change motor torques by {change:.2g} of the largest"
+    )
+    return replace(motion, acceleration=a + shares.idle.accelerations(need), notes=(*motion.notes, note))

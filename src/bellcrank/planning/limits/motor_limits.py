@@ -13,7 +13,7 @@ from bellcrank.actuators.coupled_transmission import CoupledTransmission
 from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.dynamics.inverse.mechanism import Mechanism
-from bellcrank.sizing.loads.coupled_axes import AxisCoordinates, axis_coordinates, of_axes
+from bellcrank.sizing.loads.joint_loads import AxisCoordinates, axis_coordinates, of_axes
 
 # ---- The axes that motors drive: their joints, or with coupled transmissions several of them each.
 

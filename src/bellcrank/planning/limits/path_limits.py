@@ -30,7 +30,7 @@ from bellcrank.planning.limits.limit_rows import (
 from bellcrank.planning.limits.motion_limits import MotionLimits
 from bellcrank.planning.limits.motor_limits import DrivenAxes, MotorLimits
 from bellcrank.planning.limits.path_torques import PathPlaces, PathTerms, PathTorques
-from bellcrank.sizing.loads.one_sided_limits import ONE_SIDE
+from bellcrank.sizing.loads.motion_grid import ONE_SIDE
 
 if TYPE_CHECKING:
     from bellcrank.planning.joint_path import JointPath
@@ -63,7 +63,7 @@ class PathLimits:
         """The states and torques at places s (n,) of a path; factors and the choice of limits do not change them.
 
         Where a joint stops for no finite part of the path its direction is that behind the place, at the end of the
-        path that before it: the loss of its gear is a one-sided limit (sizing/loads/one_sided_limits.py).
+        path that before it: the loss of its gear is a one-sided limit (sizing/loads/motion_grid.py).
         """
         q, first, second = (path.spline(s, order) for order in (0, 1, 2))
         side = np.where(s < path.length, ONE_SIDE, -ONE_SIDE)[:, None]

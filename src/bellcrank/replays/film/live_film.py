@@ -16,9 +16,8 @@ from bellcrank.elements.symbols import Symbols
 from bellcrank.files import bundled_data
 from bellcrank.motion.coordinates import velocity_labels
 from bellcrank.motion.motion import Motion
-from bellcrank.replays.film.charts import kept_rows
+from bellcrank.replays.film.charts import kept_rows, shaft_plot
 from bellcrank.replays.film.live_shapes import ShownExpressions
-from bellcrank.replays.film.torque_speed import shaft_plot
 from bellcrank.scene.robot_config import RobotConfig
 from bellcrank.sizing.joint_sizing import JointSizing
 from bellcrank.sizing.live.live_choice import Choices

@@ -20,20 +20,24 @@ from bellcrank.motion.motion import require_joints
 from bellcrank.motion.sampled.resampling import BETWEEN, SHARE, before, ranges, refined
 from bellcrank.replays.film.arrows import SceneFrames, element_frames, motor_arrow, scene_rods, scene_springs
 from bellcrank.replays.film.camera import CameraScene, choose_camera, choose_ground
-from bellcrank.replays.film.charts import join_times, join_with_gaps, panel_chart
+from bellcrank.replays.film.charts import (
+    join_times,
+    join_with_gaps,
+    motor_speed_torque,
+    panel_chart,
+    torque_speed_plots,
+)
 from bellcrank.replays.film.film import Arrow, Chart, Film, FilmSpring, Rod, TimelineEvent, Trace
 from bellcrank.replays.film.film_samples import ArrowFunction, FramePose, SampledFrames, join_arrows, sample_frames
 from bellcrank.replays.film.robot_view import camera_scene, film_axes, film_bodies, frame_origins, traced_frames
 from bellcrank.replays.film.sampled_trajectory import SampledTrajectory, frame_pose_function
-from bellcrank.replays.film.torque_speed import motor_speed_torque, torque_speed_plots
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.shapes import DrawnBody
 from bellcrank.simulation.files.run_csv import torque_unit
 from bellcrank.simulation.trajectory.interpolation import signal_jumps
 from bellcrank.simulation.trajectory.plot_panels import by_unit, titled_apart
 from bellcrank.sizing.loads.joint_histories import SampledStates, joint_torques
-from bellcrank.sizing.loads.motion_grid import motion_sides
-from bellcrank.sizing.loads.one_sided_limits import Sides
+from bellcrank.sizing.loads.motion_grid import Sides, motion_sides
 from bellcrank.version import version
 
 if TYPE_CHECKING:

@@ -45,13 +45,13 @@ from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.robot.model.joints import LENGTHS
 from bellcrank.scene.output_quantities import FrameOutput
 from bellcrank.simulation.files.run_csv import titled
-from bellcrank.simulation.trajectory.interpolation import with_jumps
-from bellcrank.simulation.trajectory.joint_contacts import (
+from bellcrank.simulation.trajectory.events import (
     impacts_at_stops,
     intervals_at_stops,
     saturated_intervals,
     stuck_intervals,
 )
+from bellcrank.simulation.trajectory.interpolation import with_jumps
 from bellcrank.simulation.trajectory.summary import event_consequence, run_facts
 from bellcrank.version import version
 

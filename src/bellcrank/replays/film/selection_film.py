@@ -12,10 +12,10 @@ from bellcrank.actuators.catalogue.catalogue import load_catalogue
 from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.motion.kinematics.rotations import from_matrices
+from bellcrank.replays.film.charts import with_rms_points
 from bellcrank.replays.film.film import BodyLayer, Film
 from bellcrank.replays.film.live_film import live_film, name_of, settled
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
-from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.replays.geometry.shapes import Colour, DrawnBody, DrawnShape
 from bellcrank.sizing.live.live_choice import selected_sizing

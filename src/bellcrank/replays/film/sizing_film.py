@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bellcrank.errors import InputError
+from bellcrank.replays.film.charts import with_rms_points
 from bellcrank.replays.film.film import Film, TimelineEvent
 from bellcrank.replays.film.live_film import live_film, settled
 from bellcrank.replays.film.motion_film import MotionSequence, Progress, film_of_motions
-from bellcrank.replays.film.torque_speed import with_rms_points
 from bellcrank.replays.geometry.meshes import Detail
 from bellcrank.sizing.drive_verdicts import kept
 from bellcrank.sizing.tables import verdict

@@ -13,7 +13,7 @@ from bellcrank.errors import InputError
 from bellcrank.motion.coordinates import position_labels, velocity_labels
 from bellcrank.robot.model.joints import unit_vectors
 from bellcrank.simulation.trajectory.error_estimate import unasked_accuracy
-from bellcrank.simulation.trajectory.joint_contacts import contact_rows
+from bellcrank.simulation.trajectory.events import contact_rows
 from bellcrank.simulation.trajectory.reached import left_ranges
 
 if TYPE_CHECKING:

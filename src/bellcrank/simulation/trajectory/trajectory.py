@@ -105,7 +105,7 @@ class Trajectory(StateHistory):
         if self.status is Status.EVENT:
             return f"event '{next(e.name for e in self.events if e.stopped)}' ended the run"
         if self.status is Status.CONTACT:
-            from bellcrank.simulation.trajectory.joint_contacts import ending_contacts
+            from bellcrank.simulation.trajectory.events import ending_contacts
 
             return ending_contacts(self)
         if self.status is Status.PRESCRIBED_MOTION_ENDED and (end := prescribed_motion_end(self.scene)) is not None:
@@ -237,7 +237,7 @@ class Trajectory(StateHistory):
             >>> run.stuck("swing").tolist()
             [[0.0, 1.0]]
         """
-        from bellcrank.simulation.trajectory.joint_contacts import stuck_intervals
+        from bellcrank.simulation.trajectory.events import stuck_intervals
 
         arguments.text("joint", joint, "the name of a joint or rotor with dry friction")
         return stuck_intervals(self, joint)
@@ -260,7 +260,7 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0, overrides=stop).at_stop("swing").tolist()
             []
         """
-        from bellcrank.simulation.trajectory.joint_contacts import intervals_at_stops
+        from bellcrank.simulation.trajectory.events import intervals_at_stops
 
         arguments.text("joint", joint, "the name of a joint with a rigid stop")
         return intervals_at_stops(self, joint)
@@ -286,7 +286,7 @@ class Trajectory(StateHistory):
             >>> run.impacts("swing")[0].round(3).tolist()
             [0.592, -4.429]
         """
-        from bellcrank.simulation.trajectory.joint_contacts import impacts_at_stops
+        from bellcrank.simulation.trajectory.events import impacts_at_stops
 
         arguments.text("joint", joint, "the name of a joint with a rigid stop")
         return impacts_at_stops(self, joint)
@@ -413,7 +413,7 @@ class Trajectory(StateHistory):
             >>> bc.simulate("pendulum", duration=1.0).notes
             ()
         """
-        from bellcrank.simulation.trajectory.joint_contacts import bus_limit, shared_rest, simultaneous_impacts
+        from bellcrank.simulation.trajectory.events import bus_limit, shared_rest, simultaneous_impacts
         from bellcrank.simulation.trajectory.reached import reached_notes
         from bellcrank.simulation.trajectory.scene_notes import scene_notes
 

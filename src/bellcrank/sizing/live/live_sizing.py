@@ -35,7 +35,7 @@ from bellcrank.sizing.live.live_choice import Choices, LiveChoice
 from bellcrank.sizing.live.live_criteria import LiveDrive, LiveSample
 from bellcrank.sizing.live.live_inputs import LiveSettings, changeable_parameters, own_parameters, payload_parameters
 from bellcrank.sizing.live.live_motion import LiveLoops, leading_joints, velocities
-from bellcrank.sizing.loads.one_sided_limits import ONE_SIDE, STILL
+from bellcrank.sizing.loads.motion_grid import ONE_SIDE, STILL
 from bellcrank.sizing.selection.criteria import TOLERANCE
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from bellcrank.motion.generators.waypoints import interpolate
 from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.quintic_splines import quintic, quintic_powers
 from bellcrank.robot.model.joints import JointLike
-from bellcrank.sizing.loads.motion_grid import BISECTIONS, FINEST, NODES, WEIGHTS, Grid, divided
-from bellcrank.sizing.loads.one_sided_limits import STILL, Sides
+from bellcrank.sizing.loads.motion_grid import BISECTIONS, FINEST, NODES, STILL, WEIGHTS, Grid, Sides, divided
 from bellcrank.sizing.loads.series_maxima import MaximaSearch
 
 Whole = Indices
@@ -29,7 +28,7 @@ States = tuple[Array, Array, Array]  # q, v, a
 
 class MotionStates(Protocol):
     """The states of designs. Times are those of one motion, on whose time each takes a factor, or of motions of their
-    own (sizing/loads/design_states.py). Speeds are one-sided (sizing/loads/one_sided_limits.py).
+    own (sizing/loads/design_states.py). Speeds are one-sided (sizing/loads/motion_grid.py).
     """
 
     @property

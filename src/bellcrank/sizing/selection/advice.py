@@ -18,8 +18,7 @@ from bellcrank.sizing.selection.judge import judge
 from bellcrank.sizing.selection.judged_axes import JudgedAxes
 from bellcrank.sizing.selection.load_reductions import ReducedLoads, reduce_cycle
 from bellcrank.sizing.selection.matching_criteria import MotorType
-from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.ranking import failing_order
+from bellcrank.sizing.selection.pairs import Pairs, failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 from bellcrank.sizing.selection.tables import percent
 

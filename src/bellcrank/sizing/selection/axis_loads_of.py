@@ -16,7 +16,7 @@ from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.errors import InputError
 from bellcrank.motion.motion import Motion, require_joints
 from bellcrank.motion.motion_entry import DutyStep
-from bellcrank.sizing.loads.coupled_axes import axis_coordinates, of_axes
+from bellcrank.sizing.loads.joint_loads import axis_coordinates, of_axes
 from bellcrank.sizing.loads.load_checks import refuse_non_finite
 from bellcrank.sizing.selection.axis_loads import AddedMass, AxisLoads, CycleTerms, DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.body_loads import AxisLoadSamples, LoadModel, UnitBodyLoads

@@ -30,8 +30,7 @@ from bellcrank.sizing.selection.judge import (
 )
 from bellcrank.sizing.selection.judged_axes import OF_MOTION, JudgedAxes, without_unknown_masses
 from bellcrank.sizing.selection.load_reductions import ReducedLoads
-from bellcrank.sizing.selection.pairs import Pairs
-from bellcrank.sizing.selection.ranking import failing_order
+from bellcrank.sizing.selection.pairs import Pairs, failing_order
 from bellcrank.sizing.selection.selection import AxisSelection, Candidate
 
 TierCount = tuple[Tier, int]

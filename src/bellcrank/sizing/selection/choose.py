@@ -16,8 +16,8 @@ from bellcrank.sizing.selection.joint_problem import Choice, JointProblem, Masse
 from bellcrank.sizing.selection.joint_search import SearchResult, best_combination, fixed_point
 from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
 from bellcrank.sizing.selection.matching_criteria import COMMON_BUS
+from bellcrank.sizing.selection.pairs import NOT_JUDGED, RankKeys, total
 from bellcrank.sizing.selection.pareto_search import pareto_front
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, RankKeys, total
 from bellcrank.sizing.selection.selection import AxisSelection, Selection, pair_id
 from bellcrank.sizing.selection.system_criteria import judge_system
 

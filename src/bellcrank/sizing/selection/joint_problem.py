@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from bellcrank.arrays import Indices, Mask
-from bellcrank.sizing.selection.ranking import NOTHING, RankKey, RankKeys, as_key, order_of
+from bellcrank.sizing.selection.pairs import NOTHING, RankKey, RankKeys, as_key, order_of
 
 UNKNOWN_MASS = -1  # class of an actuator whose mass is not stated, and of an axis without an actuator
 FIRST_BLOCK = 256  # pairs that are judged at once; then twice as many each time

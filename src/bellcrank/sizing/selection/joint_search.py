@@ -31,7 +31,7 @@ from bellcrank.sizing.selection.joint_problem import (
     masses_of,
     search_order,
 )
-from bellcrank.sizing.selection.ranking import NOTHING, RankKey, RankKeys, as_key, less_than, order_of, smallest, total
+from bellcrank.sizing.selection.pairs import NOTHING, RankKey, RankKeys, as_key, less_than, order_of, smallest, total
 
 Pair = int | None
 

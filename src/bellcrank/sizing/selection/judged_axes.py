@@ -22,7 +22,7 @@ from bellcrank.sizing.selection.axis_pairs import AxisPairs
 from bellcrank.sizing.selection.joint_problem import NO_MASS, UNKNOWN_MASS, Choice, Masses, masses_of
 from bellcrank.sizing.selection.judge import EXCEEDED, INSIDE, UNKNOWN, Judgement, judge, verdicts
 from bellcrank.sizing.selection.load_reductions import ReducedCycle, ReducedLoads, reduce_cycle
-from bellcrank.sizing.selection.ranking import NOT_JUDGED, PairVerdicts, RankKeys, rank_keys
+from bellcrank.sizing.selection.pairs import NOT_JUDGED, PairVerdicts, RankKeys, rank_keys
 
 Objective = Literal["mass", "cost", "loss", "margin"]
 OF_MOTION = frozenset(

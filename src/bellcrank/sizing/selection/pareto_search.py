@@ -25,7 +25,7 @@ from bellcrank.sizing.selection.joint_problem import (
     search_order,
 )
 from bellcrank.sizing.selection.judged_axes import PAIRS_OF_A_JUDGEMENT, JudgedAxes
-from bellcrank.sizing.selection.ranking import RankKeys, order_of
+from bellcrank.sizing.selection.pairs import RankKeys, order_of
 from bellcrank.sizing.selection.selection import ParetoPoint, pair_id
 
 MOST_POINTS = 200  # of a front between axes

@@ -13,7 +13,7 @@ from bellcrank.errors import BellcrankError, InputError
 from bellcrank.scene.scene import Scene
 from bellcrank.sizing.selection.judge import TIERS
 from bellcrank.sizing.selection.judged_axes import MAIN
-from bellcrank.sizing.selection.ranking import NOTHING, PairVerdicts, RankKey, as_key, rank_keys, total
+from bellcrank.sizing.selection.pairs import NOTHING, PairVerdicts, RankKey, as_key, rank_keys, total
 from bellcrank.sizing.selection.select import PreparedSelection, prepare_selection
 from bellcrank.sizing.selection.selection import Candidate, Selection
 from bellcrank.sizing.sizing_subject import OneMotion, changed_scene

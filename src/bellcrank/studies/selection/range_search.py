@@ -29,7 +29,7 @@ from bellcrank.sizing.selection.criteria import exceeds
 from bellcrank.sizing.selection.joint_problem import NO_MASS
 from bellcrank.sizing.selection.judge import NOTE, UNKNOWN
 from bellcrank.sizing.selection.judged_axes import MAIN, JudgedAxes
-from bellcrank.sizing.selection.ranking import RESOLUTION
+from bellcrank.sizing.selection.pairs import RESOLUTION
 from bellcrank.sizing.selection.select import PreparedSelection
 from bellcrank.sizing.selection.selection import Candidate, Selection
 from bellcrank.studies.selection.design_selection import Inside
