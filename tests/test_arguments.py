@@ -346,7 +346,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "robot": robot, "motion": motion, "limit": "rms", "by": "pause", "actuators": {"shoulder": actuator},
             "payloads": [payload], "overrides": None, "trust": []}),
         **of(bc.repeated_cycle("geared_pendulum", "lift_and_return"), as_dict={}, table={}, to_json={"path": "c.json"}),
-        **of(fast, as_dict={}, table={}, limits_to_csv={"path": "f.csv"},
+        **of(fast, as_dict={}, table={}, to_csv={"path": "f.csv"},
              plot={"path": "f.png"}, to_json={"path": "f.json"}),
         **of(factor, table={}, plot={"path": "k.png"}, scaled={"factor": 0.5}),
         **of(joint_path, at={"s": [0.1, 0.2]}, turning_points={}),
@@ -399,14 +399,14 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "linearise": (bc.linearise, {
             "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
         **of(linear, to_control={}, table={}, mode_rows={}),
-        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, to_dict={}),
-        **of(linear.modes[0], to_dict={}),
+        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, as_dict={}),
+        **of(linear.modes[0], as_dict={}),
         "root_loci": (bc.root_loci, {
             "scene": pendulum, "parameter": "initial.swing", "values": [0.1], "at": "equilibrium",
             "progress": lambda done, of: None}),
-        **of(loci, plot={"path": "loci.png"}, to_csv={"path": "loci.csv"}, to_dict={}),
+        **of(loci, plot={"path": "loci.png"}, to_csv={"path": "loci.csv"}, as_dict={}),
         "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0}),
-        **of(periodic, table={}, to_dict={}),
+        **of(periodic, table={}, as_dict={}),
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "over": motion, "trace": ["tip"],
@@ -584,7 +584,7 @@ def _folder(tmp_path_factory: pytest.TempPathFactory) -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("arguments"))
         patch.setattr("webbrowser.open", lambda _: True)
-        for drawing in ("matplotlib.figure.Figure.savefig", "bellcrank.plot_style._save_png"):
+        for drawing in ("matplotlib.figure.Figure.savefig", "bellcrank.present.plot_style._save_png"):
             patch.setattr(drawing, draw_nothing)  # it takes seconds
         yield
 

@@ -130,7 +130,7 @@ def test_a_tolerance_of_nothing_is_one_of_relative_error(solver, atol):
 def test_the_shortest_duration_that_there_is_has_a_summary():
     run = bc.simulate("pendulum", 5e-324, max_evaluations=10_000)
     assert run.success
-    assert "finished at 4.94065646e-324 s" in run.summary()
+    assert "finished at 4.94065646e-324 s" in run.table()
 
 
 def test_a_step_limit_that_time_cannot_resolve_allows_no_step():

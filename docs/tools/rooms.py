@@ -13,7 +13,7 @@ from pathlib import Path
 
 import house
 
-from bellcrank.plot_style import colour, new_figure, write_figure
+from bellcrank.present.plot_style import colour, new_figure, write_figure
 
 ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs" / "pictures" / "rooms.png"

@@ -65,7 +65,7 @@ class Note(str):
         """A copy with other values of these attributes."""
         return Note(str(self), **{**vars(self), **changes})
 
-    def to_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The note as data that JSON can hold."""
         found = {"text": str(self), "matter": self.matter, "file": self.where or None, "time": self.time}
         return {key: value for key, value in found.items() if value is not None}

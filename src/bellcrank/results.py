@@ -6,6 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 _HOME = {
+    "Result": "present.results",
     "Sizing": "sizing.result",
     "DriveVerdicts": "sizing.drive_verdicts",
     "SelectionVerification": "sizing.verification",
@@ -53,6 +54,7 @@ __all__ = [  # written out, because type checkers do not evaluate it
     "PreparedRun",
     "PreparedSimulation",
     "RepeatedCycle",
+    "Result",
     "RootLoci",
     "RunSensitivity",
     "SampleStatistics",
@@ -80,6 +82,7 @@ if TYPE_CHECKING:
     from bellcrank.planning.cycle_result import RepeatedCycle
     from bellcrank.planning.fastest_motion import FastestMotion, LimitCost
     from bellcrank.planning.speed_scaling import SpeedFactor
+    from bellcrank.present.results import Result
     from bellcrank.scene.settings import Settings
     from bellcrank.simulation.prepared_simulation import PreparedRun, PreparedSimulation
     from bellcrank.simulation.sensitivities.sensitivities import EventSensitivity, RunSensitivity

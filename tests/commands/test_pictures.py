@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 import bellcrank as bc
-from bellcrank import plot_style
-from bellcrank.plot_style import DPI, new_figure, save_figure
+from bellcrank.present import plot_style
+from bellcrank.present.plot_style import DPI, new_figure, save_figure
 from bellcrank.sizing.plots import sizing_figures, write_plots
 
 

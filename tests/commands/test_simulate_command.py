@@ -40,7 +40,7 @@ def test_it_prints_the_summary_and_writes_run_table_and_pictures(arm, capsys):
     assert main(["simulate", "arm.yaml", "--frame", "hand"]) == 0
     out, err = capsys.readouterr()
     run = bc.load_run("arm_run/run.npz")
-    assert out.startswith(run.summary()) and "energy drift" in out and err == ""
+    assert out.startswith(run.table()) and "energy drift" in out and err == ""
     assert sorted(p.name for p in Path("arm_run").iterdir()) == ["path_hand.png", "run.csv", "run.npz", "run.png"]
     assert len(Path("arm_run/run.csv").read_text().splitlines()) == 52
     assert all(p.read_bytes().startswith(b"\x89PNG") for p in Path("arm_run").glob("*.png"))

@@ -23,8 +23,9 @@ from bellcrank.motion.sampled.csv_file import read_motion, write_motion
 from bellcrank.scene.robot_config import RobotConfig
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.size import size
-from bellcrank.sizing.sizing_files import csv_text, earlier_files, json_text
+from bellcrank.sizing.sizing_files import earlier_files, json_text
 from bellcrank.sizing.tables import table
+from tests.support.written import csv_text
 
 
 def refuse(constant: str) -> None:

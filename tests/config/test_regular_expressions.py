@@ -13,7 +13,7 @@ import pytest
 
 import bellcrank
 from bellcrank.config.fields import parse_number
-from bellcrank.plot_style import _BREAK
+from bellcrank.present.plot_style import _BREAK
 from bellcrank.replays.geometry.meshes import named_files
 from bellcrank.robot.formats.urdf_elements import NUMBER
 from bellcrank.scene.scene import load_scene

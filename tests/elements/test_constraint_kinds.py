@@ -173,7 +173,7 @@ def test_a_spatial_loop_of_a_hinge_and_a_ball_is_redundant_and_moves_in_its_plan
         np.testing.assert_allclose(run.joint(name).position, plane.joint(name).position, atol=1e-6)
     rank = run.constraint_rank()
     assert rank.rank == 4 and len(rank.singular_values) == 5
-    assert "not unique" in run.summary() and "rank 4 of 5" in run.summary()
+    assert "not unique" in run.table() and "rank 4 of 5" in run.table()
     assert run.equation_residual() < 1e-9
 
 
@@ -319,7 +319,7 @@ def test_a_latch_takes_all_the_kinetic_energy_out_of_the_four_bar(four_bar, tmp_
     assert abs(lock.energy_lost - LOCK_ENERGY) < 1e-6
     assert abs(lock.energy_lost - run.kinetic_energy[-1]) < 1e-9
     assert np.abs(lock.latch.velocity).max() < 1e-12 and lock.latch.unit == "N m s"
-    assert "energy lost 4.76807917 J" in run.summary()
+    assert "energy lost 4.76807917 J" in run.table()
     again = load_run(run.save(tmp_path / "run.npz"))
     assert again.events[-1].energy_lost == lock.energy_lost and again.events[-1].impulse == lock.impulse
     assert np.array_equal(again.events[-1].multipliers, lock.multipliers)
@@ -373,8 +373,8 @@ def test_a_constraint_written_twice_shares_its_force_and_the_summary_says_so(fou
     both = simulate(four_bar, 5.0, overrides={"constraints": [*four_bar.data["constraints"], twin], "events": []})
     np.testing.assert_allclose(both.position, once.position, atol=1e-8)
     np.testing.assert_allclose(both.constraint("twin").multipliers, once.constraint("apex").multipliers / 2, rtol=1e-5)
-    assert "rank 2 of 4 rows" in both.summary() and "unique are none" in both.summary()
-    assert "not unique" not in once.summary()
+    assert "rank 2 of 4 rows" in both.table() and "unique are none" in both.table()
+    assert "not unique" not in once.table()
     header = once.to_csv(tmp_path / "run.csv").read_text().splitlines()[0]
     assert "apex x [N],apex y [N],apex residual [m or rad]" in header
     titles = [axis.get_title(loc="left") for axis in both.plot().axes]

@@ -63,7 +63,7 @@ def sentence(text: str) -> None:
 
 def finished(run: bc.results.Trajectory) -> None:
     """Of a run that came to its end all numbers are finite, or a warning names what is not."""
-    run.summary()
+    run.table()
     if not len(run.time) or not np.isfinite(run.time).all():
         raise Wrong("a run without finite times")
     if run.status is Status.NON_FINITE or not run.success:

@@ -11,7 +11,7 @@ import pytest
 import bellcrank as bc
 from bellcrank.cli import main
 from bellcrank.errors import InputError
-from bellcrank.plot_style import literal, new_figure, svg_of
+from bellcrank.present.plot_style import literal, new_figure, svg_of
 from bellcrank.replays.replay import NotebookPage, film_of
 from bellcrank.reports.report import document_html, report
 from bellcrank.reports.run_report import run_document

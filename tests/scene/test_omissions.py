@@ -102,7 +102,7 @@ def test_verdicts_are_not_known_where_an_omitted_force_loop_or_servo_acts(kind, 
     run, sizing, verdicts = bc.simulate(path), bc.size(path), bc.judge(path)
     acts, given_acts = matter == "reached", matter_given == "reached"
     assert any(text in reason for reason in run.warnings) is acts
-    assert ("\n  not known  " in run.summary()) is acts
+    assert ("\n  not known  " in run.table()) is acts
     assert sizing.inside is not given_acts and verdicts.inside is not given_acts
     assert ("Not known: what the robot's file says" in str(sizing)) is given_acts
     page = bc.report(run, tmp_path / "report.html").read_text()
@@ -167,7 +167,7 @@ def test_notes_stand_in_the_json_of_results_with_how_they_matter(tmp_path):
         document = json.loads(result.to_json(tmp_path / "result.json").read_text())
         [note] = [note for note in document["notes"] if "fluid" in note["text"]]
         assert note["matter"] == "reached" and note["file"] == "leg.xml"
-    assert any("fluid" in note["text"] for note in bc.linearise(bc.load_scene(path)).to_dict()["notes"])
+    assert any("fluid" in note["text"] for note in bc.linearise(bc.load_scene(path)).as_dict()["notes"])
 
 
 # Public classes that carry no notes on a file, and why.

@@ -45,7 +45,7 @@ def test_a_coulomb_oscillator_loses_two_mu_a_half_swing_and_rests_for_ever(block
     assert abs(run.position[-1, 0] - rest) < 1e-9
     assert (run.velocity[after] == 0.0).all() and (run.position[after] == run.position[-1]).all()
     assert (run.acceleration[after] == 0.0).all() and run.energy_drift() < 1e-11
-    assert "stuck" in run.summary() and not run.warnings
+    assert "stuck" in run.table() and not run.warnings
 
 
 def test_a_block_on_a_belt_has_the_published_period(block):

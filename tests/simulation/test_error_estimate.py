@@ -123,7 +123,7 @@ def test_the_command_line_and_the_file_of_a_run_tell_the_error_estimate(tmp_path
     told = float(re.search(r"error estimate +about (\S+)", capsys.readouterr().out)[1])
     loaded = bc.load_run("four_bar_run/run.npz")
     assert loaded.known_estimate == pytest.approx(told, rel=0.1)
-    assert f"about {told:.1e} (rad or m) in positions" in loaded.summary()
+    assert f"about {told:.1e} (rad or m) in positions" in loaded.table()
 
 
 @pytest.mark.tier2
@@ -131,12 +131,12 @@ def test_an_estimate_that_is_not_computed_says_why(parallel):
     scene, times, _ = parallel[2]
     run = bc.simulate(scene, times=times)
     slow = dataclasses.replace(run, statistics=dataclasses.replace(run.statistics, kernel_time=1e3))
-    assert "error estimate" in slow.summary() and "not computed (it takes more than" in slow.summary()
+    assert "error estimate" in slow.table() and "not computed (it takes more than" in slow.table()
     assert slow.known_estimate is None
     assert slow.error_estimate() > 0.0  # on request it is
-    assert "(rad or m) in positions" in slow.summary()
+    assert "(rad or m) in positions" in slow.table()
     short = bc.simulate(scene, times=times, max_evaluations=500)
-    assert "not computed (the run ended early)" in short.summary()
+    assert "not computed (the run ended early)" in short.table()
 
 
 def test_a_saved_run_of_an_earlier_version_with_constraints_is_read(tmp_path):

@@ -49,7 +49,7 @@ def test_a_bouncing_ball_passes_infinitely_many_impacts_and_rests(block, e):
     assert (run.position[rest] == 0.0).all() and (run.velocity[rest] == 0.0).all()
     assert run.output("f").ravel()[rest] == pytest.approx(2 * G)
     assert run.position.min() >= 0.0 and run.energy_drift() < 1e-12 and not run.warnings
-    assert f"({len(hits)} in all" in run.summary()
+    assert f"({len(hits)} in all" in run.table()
 
 
 def test_an_elastic_impact_keeps_the_energy_and_a_plastic_one_loses_it(block):

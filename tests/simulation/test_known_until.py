@@ -49,7 +49,7 @@ def test_a_chaotic_run_is_known_for_most_of_the_time_in_which_it_is_right(chain,
 def test_warnings_and_summary_say_from_when_on_a_run_is_not_known(run):
     (warning,) = run.warnings
     assert f"not known beyond {run.known_until:.4g} s" in warning and "take smaller tolerances" in warning
-    assert f"known up to {run.known_until:.4g} s" in run.summary()
+    assert f"known up to {run.known_until:.4g} s" in run.table()
 
 
 def test_a_report_of_a_run_that_is_not_known_is_not_ok(run, tmp_path):

@@ -77,7 +77,7 @@ def test_a_csv_written_in_blocks_has_every_byte_of_one_written_whole(scene, tmp_
 def test_the_certificate_of_a_run_is_the_same_block_by_block(scene, monkeypatch):
     def certificate(run):
         drifts = run.energy_drift(), run.equation_residual(), run.constraint_residual(), run.velocity_residual()
-        return drifts, run_warnings(run), run.summary().splitlines()[-3:]
+        return drifts, run_warnings(run), run.table().splitlines()[-3:]
 
     whole = certificate(bc.simulate(scene, **CLOSED))
     monkeypatch.setattr(state_history, "BLOCK_NUMBERS", 1)
@@ -99,7 +99,7 @@ def test_writing_a_csv_needs_no_more_memory_for_more_rows():
 
 @pytest.mark.tier2
 def test_the_summary_and_the_picture_of_a_long_run_need_little_memory():
-    assert peak_above_the_run("run.summary(), run.plot()", 300_000) < 90.0  # of all rows at once 190 MB
+    assert peak_above_the_run("run.table(), run.plot()", 300_000) < 90.0  # of all rows at once 190 MB
 
 
 def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
@@ -120,14 +120,14 @@ def test_a_picture_of_a_long_run_keeps_every_peak(monkeypatch):
 @pytest.mark.tier2
 def test_of_many_steps_some_are_kept_the_longest_is_known_and_the_result_says_so(tmp_path):
     few = bc.simulate("planar_2r_swing", solver="RK4", step=1e-3, duration=77.7777)
-    assert len(few.steps) == few.statistics.steps + 1 == 77_779 and "are kept" not in few.summary()
+    assert len(few.steps) == few.statistics.steps + 1 == 77_779 and "are kept" not in few.table()
     run = bc.simulate("planar_2r_swing", solver="RK4", step=1e-4, duration=77.77775)
     steps = run.statistics.steps
     assert steps == 777_778 and 50_000 < len(run.steps) <= 100_002
     assert run.steps[0] == 0.0 and run.steps[-1] == run.time[-1] == 77.77775
     assert run.steps[:-1] == pytest.approx(8e-4 * np.arange(len(run.steps) - 1), rel=1e-15, abs=1e-13)
     assert run.statistics.longest_step == pytest.approx(1e-4, rel=1e-9)
-    assert f"{steps} steps" in run.summary() and f"the times of {len(run.steps) - 1} steps are kept" in run.summary()
+    assert f"{steps} steps" in run.table() and f"the times of {len(run.steps) - 1} steps are kept" in run.table()
     path = run.save(tmp_path / "run")
     assert path.stat().st_size < 2 * MEGABYTE
     again = bc.load_run(path)
@@ -147,7 +147,7 @@ def test_of_many_events_the_first_and_last_of_each_are_kept_and_all_are_counted(
     assert run.events[-2].name == "seldom" and run.events[-2].time == pytest.approx(55.00025)
     last = (2000 * 60 - 0.1 / np.pi) / 2000.0
     assert run.events[-1].time == pytest.approx(last, abs=1e-9)
-    assert "120001 events in all (100002 are kept)" in run.summary()
+    assert "120001 events in all (100002 are kept)" in run.table()
 
 
 def test_of_few_events_none_is_left_out(tmp_path):
@@ -155,7 +155,7 @@ def test_of_few_events_none_is_left_out(tmp_path):
     path.write_text(COUNTED.format(duration=0.5, late=0.25))
     run = bc.simulate(path)
     assert len(run.events) == 1001 and run.statistics.omitted_events == {}
-    assert "1001 events in all; the last" in run.summary()
+    assert "1001 events in all; the last" in run.table()
 
 
 def test_the_command_writes_a_csv_of_many_rows_only_where_it_is_asked_for(tmp_path, monkeypatch, capsys):

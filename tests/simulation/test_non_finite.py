@@ -78,7 +78,7 @@ def test_each_output_that_is_no_number_is_a_warning_with_its_rows_and_its_first_
 def test_a_run_with_an_output_that_is_no_number_never_just_finishes(undefined):
     _, run = undefined
     assert "output 'log' is not a number" in run.message
-    assert "output 'log' is not a number" in run.summary()
+    assert "output 'log' is not a number" in run.table()
     assert "output &#x27;log&#x27; is not a number" in run._repr_html_()
     assert "not all results are finite" in repr(run)
     figure = run.plot()
@@ -149,7 +149,7 @@ def test_energies_that_overflow_are_told_and_certificates_are_infinite_not_nan(t
     assert not np.isfinite(run.potential_energy).any()
     assert any(text.startswith("the potential energy is infinite in 3 of 3 rows") for text in run.warnings)
     assert run.energy_drift() == math.inf
-    assert "unknown of the largest energy" in run.summary()
+    assert "unknown of the largest energy" in run.table()
 
 
 # ---- constraints

@@ -255,4 +255,4 @@ def test_a_saved_run_keeps_when_a_pin_was_stuck(tmp_path):
     run.save(tmp_path / "run.npz")
     again = bc.load_run(tmp_path / "run.npz")
     assert again.stuck("apex") == pytest.approx(run.stuck("apex")) and len(run.stuck("apex"))
-    assert "stuck" in again.summary() and "apex" in again.summary()
+    assert "stuck" in again.table() and "apex" in again.table()

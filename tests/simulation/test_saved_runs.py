@@ -231,7 +231,7 @@ def test_states_that_are_no_motion_of_the_scene_fail_the_certificate(whole, tmp_
     assert any("has a residual of" in text for text in run.warnings) and run.constraint_residual() > 1e-3
     # far away, where no acceleration is a number, a run cannot have "finished"
     path = written(tmp_path / "far.npz", with_array(whole["closed"], "state", at((2, -2), 1e308)))
-    assert "no finite acceleration or energy" in sentence(path, lambda run: run.summary())
+    assert "no finite acceleration or energy" in sentence(path, lambda run: run.table())
 
 
 def test_singular_constraints_have_no_rank_and_the_summary_says_so(whole, tmp_path, monkeypatch):
@@ -240,7 +240,7 @@ def test_singular_constraints_have_no_rank_and_the_summary_says_so(whole, tmp_pa
     monkeypatch.setattr(system_of(run.scene), "constraint_metric", lambda *a: (jacobian, -mass))
     with pytest.raises(InputError, match="rank of the constraints cannot be computed"):
         run.constraint_rank()
-    assert "unknown: the rank of the constraints cannot be computed" in run.summary()
+    assert "unknown: the rank of the constraints cannot be computed" in run.table()
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
@@ -380,7 +380,7 @@ def test_random_changes_of_a_runs_bytes_and_entries_give_a_run_or_one_sentence(w
         written(path, members)
         try:
             run = bc.load_run(path)
-            run.summary()
+            run.table()
         except InputError as error:
             refused += 1
             assert "\n" not in str(error) and len(str(error)) < 500

@@ -157,7 +157,7 @@ def test_auto_solves_the_stiff_spring(stiff_run):
     assert stiff_run.success and cost.switches == 1 and cost.evaluations < 1.3 * implicit.statistics.evaluations
     assert np.abs(stiff_run.position - implicit.position).max() < 1e-4
     assert not [text for text in stiff_run.warnings if "stiff" in text]
-    assert f"DOP853, Radau from {cost.switch_times[0]:.6g} s" in stiff_run.summary()
+    assert f"DOP853, Radau from {cost.switch_times[0]:.6g} s" in stiff_run.table()
     assert stiff_run.error_estimate() < 1e-3
 
 
@@ -167,7 +167,7 @@ def test_explicit_solvers_warn_of_stiffness():
     (warning,) = (text for text in run.warnings if "stiff" in text)
     assert "take solver: auto or Radau" in warning
     assert warning.startswith(f"the equations are stiff from {run.statistics.stiff_since:.4g} s on")
-    assert "stiff from" in run.summary()
+    assert "stiff from" in run.table()
 
 
 def test_a_saved_run_keeps_its_switches(stiff_run, tmp_path):

@@ -73,7 +73,7 @@ def test_without_a_resistor_the_bus_keeps_what_is_fed_back_and_a_note_says_how_h
     run = bc.simulate(supplied(tmp_path, bare, simulate={"duration": 1.0}))
     assert supply(run, "bus voltage [V]").max() > BUS["bus_max_voltage"] * 1.05
     assert any("bus" in note and "bus_max_voltage" in note for note in run.notes)
-    assert "bus" in run.summary()
+    assert "bus" in run.table()
 
 
 def test_a_stiff_source_and_a_large_capacitor_are_the_bus_of_constant_voltage(tmp_path: Path) -> None:

@@ -182,9 +182,9 @@ def test_the_error_is_not_estimated_from_a_second_run_that_an_event_ended_earlie
 def test_a_joint_that_leaves_its_range_is_noted_with_the_time(tmp_path):
     run = bc.simulate(scene(tmp_path, OSCILLATOR), overrides={"initial": {"velocity": {"slide": 3.0}}})
     when = np.arcsin(1.0 / 1.5) / 2.0  # x = 1.5 sin 2t passes the limit of 1 m
-    told = re.search(r"not known +joint 'slide' leaves its range at (\S+) s: it reaches (-?[\d.]+) m", run.summary())
+    told = re.search(r"not known +joint 'slide' leaves its range at (\S+) s: it reaches (-?[\d.]+) m", run.table())
     assert 0.0 <= float(told[1]) - when < 0.1 and abs(float(told[2])) == pytest.approx(1.5, abs=0.01)
-    assert "leaves its range" not in bc.simulate(scene(tmp_path, OSCILLATOR)).summary()
+    assert "leaves its range" not in bc.simulate(scene(tmp_path, OSCILLATOR)).table()
 
 
 def test_the_table_of_a_run_with_motors_has_their_torque_and_is_a_motion_still(damped, tmp_path):
@@ -246,7 +246,7 @@ def test_a_loaded_run_is_the_same_to_the_bit_where_the_scene_is_gone(tmp_path):
     again = bc.load_run(path)
     same(run, again)
     assert again.scene.name == "Arm on a table of torques" and again.scene.data["control"][0]["kp"] == 250
-    assert again.message == run.message and again.summary() == run.summary()
+    assert again.message == run.message and again.table() == run.table()
     # the scene in it can be simulated: torque table, motion and overrides came along
     assert np.array_equal(bc.simulate(again.scene).state, run.state)
 
@@ -462,7 +462,7 @@ def test_the_path_of_a_frame_is_drawn_in_its_plane(arm, tmp_path):
 
 
 def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped):
-    text = damped.summary()
+    text = damped.table()
     for piece in (
         "Swinging arm: finished at 3 s", "auto, rtol 1e-10", f"{damped.statistics.evaluations} evaluations",
         f"energy drift       {damped.energy_drift():.1e}", f"{damped.equation_residual():.1e}",
@@ -474,7 +474,7 @@ def test_the_summary_says_why_it_ended_what_it_cost_and_certifies_itself(damped)
 
 @pytest.mark.tier2
 def test_a_good_run_has_no_warnings_and_bundled_scenes_are_good(damped):
-    assert run_warnings(damped) == () and "warning" not in damped.summary()
+    assert run_warnings(damped) == () and "warning" not in damped.table()
     for name in ("planar_2r_swing", "spring_pendulum", "ur5_held"):
         assert run_warnings(bc.simulate(name)) == (), name
 
@@ -482,7 +482,7 @@ def test_a_good_run_has_no_warnings_and_bundled_scenes_are_good(damped):
 def test_drift_of_energy_and_an_early_end_are_warned_of(arm, tmp_path):
     rough = bc.simulate(scene(tmp_path, ARM), solver="RK4", step=0.2)
     (warning,) = run_warnings(rough)
-    assert "the energy balance is violated" in warning and f"  warning            {warning}" in rough.summary()
+    assert "the energy balance is violated" in warning and f"  warning            {warning}" in rough.table()
     short = bc.simulate(scene(tmp_path, ARM), max_evaluations=300)
     (warning,) = run_warnings(short)
     assert "ended before its duration of 3 s" in warning and warning in short._repr_html_()
@@ -508,7 +508,7 @@ def test_a_run_that_blows_up_can_be_looked_at_kept_and_loaded(tmp_path):
         scene(tmp_path, OSCILLATOR), solver="RK4", step=1.0, overrides={"forces.1.stiffness": 1e9}, duration=60
     )
     assert run.status == "non_finite" and not run.success
-    assert "try a smaller one" in run.summary() and "non_finite" in run._repr_html_()
+    assert "try a smaller one" in run.table() and "non_finite" in run._repr_html_()
     run.plot(tmp_path / "run.png")
     run.to_csv(tmp_path / "run.csv")
     assert np.array_equal(bc.load_run(run.save(tmp_path / "run")).state, run.state, equal_nan=True)

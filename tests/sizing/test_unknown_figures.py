@@ -23,8 +23,9 @@ from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.selection.judged_axes import MAIN
 from bellcrank.sizing.size import size
-from bellcrank.sizing.sizing_files import csv_text, json_text, write_histories
+from bellcrank.sizing.sizing_files import json_text, write_histories
 from bellcrank.sizing.tables import sizing_html, table, verdict
+from tests.support.written import csv_text
 
 MOTOR = Motor(
     id="m", maker="A", model="M", nominal_voltage=48.0, torque_constant=0.1, torque_constant_basis="dc",

@@ -30,10 +30,10 @@ def watch() -> None:
     """Begin to count. The places are those through which all compiling, stepping and batches go."""
     from matplotlib.figure import Figure
 
-    from bellcrank import plot_style
     from bellcrank.codegen import compile as compiling
     from bellcrank.codegen import llvm
     from bellcrank.planning import fastest_pass
+    from bellcrank.present import plot_style
     from bellcrank.simulation.integration import ensemble, integration
     from bellcrank.sizing.selection import judge
 

@@ -18,7 +18,7 @@ from bellcrank.arrays import Array
 from bellcrank.config.units import RPM
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import literal, new_figure, plain, write_figure
+from bellcrank.present.plot_style import literal, new_figure, plain, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,10 @@ Integration, 2nd ed., II.1.3; A. H. Nayfeh & B. Balachandran, Applied Nonlinear 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked
+from bellcrank.present.results import JsonLayout, Result
 from bellcrank.robot.robot import Robot
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
@@ -37,8 +39,10 @@ NODES = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0  # of Gauss collocat
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FloquetModes:
+class FloquetModes(Result):
     """The stability of a periodic motion. Made by `floquet`.
+
+    `to_csv` writes one row a multiplier.
 
     Attributes:
         name: The scene's name.
@@ -68,6 +72,7 @@ class FloquetModes:
     error: Array
     symmetries: tuple[str, ...]
     notes: tuple[Note, ...] = ()
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     @property
     def exponents(self) -> Complex:
@@ -113,7 +118,12 @@ class FloquetModes:
             lines.append(f"symmetries (left out of the states): {'; '.join(self.symmetries)}")
         return "\n".join([*lines, *(f"{note.label}: {note}" for note in self.notes)])
 
-    def to_dict(self) -> dict[str, Any]:
+    def _rows(self) -> list[Sequence[object]]:
+        header = ["real part", "imaginary part", "magnitude", "error"]
+        numbers = zip(self.multipliers.tolist(), self.error.tolist(), strict=True)
+        return [header, *([*pair(value), abs(value), error] for value, error in numbers)]
+
+    def as_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
 
         Returns:
@@ -123,7 +133,7 @@ class FloquetModes:
             >>> import bellcrank as bc
             >>> scene = bc.load_scene("pendulum", {"initial.swing": "1e-6 deg"})
             >>> found = bc.floquet(scene, 6.283185307179586 / 9.81**0.5)
-            >>> found.to_dict()["stable"]
+            >>> found.as_dict()["stable"]
             True
         """
         return {
@@ -137,7 +147,7 @@ class FloquetModes:
             "multipliers": [pair(x) for x in self.multipliers.tolist()],
             "errors": self.error.tolist(),
             "symmetries": list(self.symmetries),
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,19 +15,23 @@ from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
-from bellcrank.files.json_files import write_json
 from bellcrank.notes import Note
+from bellcrank.present.plot_style import write_figure
+from bellcrank.present.results import JsonLayout, Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EQUILIBRIUM, STEADY_MOTION, MOVING = "equilibrium", "relative equilibrium", "not steady"
 MOST_NAMED = 6  # modes that grow; of more, their count is given
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Linearisation:
+class Linearisation(Result):
     """Linear equations ẋ = A x + B u, y = C x + D u of small deviations from an operating point.
 
     Made by `linearise`. A state "NAME" is a deviation of a coordinate and "NAME rate" of its velocity; those of a free
-    base are along and about its own axes ("x", "rotation x").
+    base are along and about its own axes ("x", "rotation x"). `to_csv` writes one row a mode.
 
     Attributes:
         name: The scene's name.
@@ -75,6 +80,7 @@ class Linearisation:
     residual: float
     notes: tuple[Note, ...]
     drives: tuple[DriveDynamics, ...] = ()
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
@@ -213,7 +219,7 @@ class Linearisation:
 
     # ---- other formats
 
-    def to_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
 
         Returns:
@@ -221,7 +227,7 @@ class Linearisation:
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.linearise(bc.load_scene("pendulum")).to_dict()["states"]
+            >>> bc.linearise(bc.load_scene("pendulum")).as_dict()["states"]
             [['swing', 'rad'], ['swing rate', 'rad/s']]
         """
         return {
@@ -238,32 +244,48 @@ class Linearisation:
             "B": self.B.tolist(),
             "C": self.C.tolist(),
             "D": self.D.tolist(),
-            "modes": [mode.to_dict() for mode in self.modes],
+            "modes": [mode.as_dict() for mode in self.modes],
             "frozen_eigenvalues": [pair(x) for x in self.frozen_eigenvalues.tolist()],
             "symmetries": list(self.symmetries),
             "symmetries_removed": self.symmetries_removed,
             "residual": self.residual,
-            "notes": [note.to_dict() for note in self.notes],
-            "drives": [drive.to_dict() for drive in self.drives],
+            "notes": [note.as_dict() for note in self.notes],
+            "drives": [drive.as_dict() for drive in self.drives],
         }
 
-    def to_json(self, path: str | Path) -> None:
-        """Write the result as JSON.
+    def _rows(self) -> list[Sequence[object]]:
+        rows: list[Sequence[object]] = [
+            ["mode", "real part [1/s]", "imaginary part [1/s]", "frequency [Hz]", "damping ratio", "time constant [s]",
+             "kind"]
+        ]  # fmt: skip
+        for number, mode in enumerate(self.modes, 1):
+            known = (mode.frequency if mode.oscillates else None, mode.damping_ratio, mode.time_constant)
+            rows.append([number, *pair(mode.eigenvalue), *("" if it is None else it for it in known), mode.kind])
+        return rows
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the eigenvalues in the complex plane, with the numbers of their modes.
 
         Args:
-            path: The file to write.
+            path: Where the picture is written, in the format of its suffix (PNG without one); None: nowhere.
+
+        Returns:
+            A matplotlib figure.
 
         Raises:
-            InputError: The file cannot be written.
+            InputError: The operating point is not steady, the picture format is unknown, or the file cannot be
+                written.
 
         Example:
-            >>> import tempfile, pathlib, bellcrank as bc
-            >>> file = pathlib.Path(tempfile.mkdtemp()) / "modes.json"
-            >>> bc.linearise(bc.load_scene("pendulum")).to_json(file)
-            >>> file.exists()
-            True
+            >>> import bellcrank as bc
+            >>> len(bc.linearise("pendulum").plot().axes)
+            1
         """
-        write_json(arguments.path("path", path), self.to_dict(), ascii_only=True)
+        from bellcrank.analysis.root_locus_plot import plot_eigenvalues
+
+        target = arguments.picture(path)
+        assert len(self.eigenvalues) >= len(self.modes)  # raises where they say nothing of stability
+        return write_figure(plot_eigenvalues(self), target)
 
     def to_mat(self, path: str | Path) -> None:
         """Write A, B, C, D, the names and the eigenvalues as a MATLAB file, for ss(A, B, C, D).

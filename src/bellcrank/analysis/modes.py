@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import eig, matrix_balance, qr
 
 from bellcrank.arrays import Array, Complex
+from bellcrank.present.tables import aligned
 
 if TYPE_CHECKING:
     from bellcrank.analysis.linearisation import Linearisation
@@ -80,7 +81,7 @@ class Mode:
         """1/|Re λ|, s, in which it grows or decays by the factor e; None where Re λ = 0."""
         return 1.0 / abs(self.eigenvalue.real) if self.eigenvalue.real else None
 
-    def to_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The mode as data that JSON can hold.
 
         Returns:
@@ -102,6 +103,13 @@ class Mode:
 def pair(value: complex) -> list[float]:
     """A complex number as [real, imaginary]."""
     return [value.real, value.imag]
+
+
+def complex_text(value: complex, digits: int = 6) -> str:
+    """A complex number for a table, without an imaginary part that is 0."""
+    if value.imag == 0.0:
+        return f"{value.real:.{digits}g}"
+    return f"{value.real:.{digits}g} {'-' if value.imag < 0.0 else '+'} {abs(value.imag):.{digits}g}i"
 
 
 def normalised(vector: Complex) -> Complex:
@@ -143,11 +151,7 @@ def mode_table(linear: Linearisation) -> str:
     if linear.velocity.any():
         lines.append(f"velocity v: {shown(linear.velocity)}")
     if linear.modes:
-        rows = [linear.mode_header, *linear.mode_rows()]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines += [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-        ]
+        lines += aligned([linear.mode_header, *linear.mode_rows()])
     else:
         values = ", ".join(f"{x:.6g}" for x in linear.frozen_eigenvalues.tolist())
         lines.append(f"eigenvalues of A at this moment, which say nothing of stability: {values}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -13,12 +13,13 @@ from scipy.optimize import linear_sum_assignment
 from bellcrank import arguments
 from bellcrank.analysis.linearisation import Linearisation
 from bellcrank.analysis.linearise import linearise
-from bellcrank.analysis.modes import pair
+from bellcrank.analysis.modes import complex_text, pair
 from bellcrank.arguments import Progress
 from bellcrank.arrays import Array, Complex
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import csv_text
+from bellcrank.notes import Note, ranked
+from bellcrank.present.results import JsonLayout, Result
+from bellcrank.present.tables import aligned
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 
@@ -31,8 +32,10 @@ MOST_VALUES = 10_000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RootLoci:
+class RootLoci(Result):
     """The eigenvalues of a scene over one of its numbers. Made by `root_loci`.
+
+    `to_csv` writes one row a value: the real and the imaginary part of each eigenvalue.
 
     Attributes:
         name: The scene's name.
@@ -55,6 +58,7 @@ class RootLoci:
     linearisations: tuple[Linearisation | None, ...]
     eigenvalues: Complex
     failures: tuple[tuple[Any, str], ...]
+    json_layout: ClassVar = JsonLayout(1, ascii_only=True)
 
     @property
     def numbers(self) -> Array:
@@ -95,32 +99,40 @@ class RootLoci:
 
         return plot_root_loci(self, arguments.picture(path))
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write the eigenvalues as a table: the number, then real and imaginary part of each.
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What the scene's files say and is not modelled, and the values without a steady operating point."""
+        found = [note for linear in self.linearisations if linear is not None for note in linear.notes]
+        return ranked([*found, *(f"{self.parameter} = {value}: {why}" for value, why in self.failures)])
 
-        Args:
-            path: The file to write.
+    def table(self) -> str:
+        """The eigenvalues at each value as text for a terminal.
 
-        Raises:
-            InputError: The file cannot be written.
+        Returns:
+            Lines of text.
 
         Example:
-            >>> import tempfile, pathlib, bellcrank as bc
-            >>> file = pathlib.Path(tempfile.mkdtemp()) / "loci.csv"
-            >>> bc.root_loci("pendulum", "initial.swing", [0.1, 0.2]).to_csv(file)
-            >>> len(file.read_text().splitlines())
-            3
+            >>> import bellcrank as bc
+            >>> print(bc.root_loci("pendulum", "gravity", [[0, -1.0, 0], [0, -4.0, 0]]).table().splitlines()[0])
+            Simple pendulum: eigenvalues over gravity
         """
-        titles = [f"{part} {k + 1} [1/s]" for k in range(self.eigenvalues.shape[1]) for part in ("Re", "Im")]
-        table: list[list[object]] = [[self.parameter, *titles]]
-        for value, row in zip(self.values, self.eigenvalues, strict=True):
-            cells = [x for each in row.tolist() for x in pair(each)]
-            table.append(
-                [value if isinstance(value, (int, float)) else str(value), *("" if np.isnan(x) else x for x in cells)]
-            )
-        write_text(arguments.path("path", path), csv_text(table))
+        rows = [[self.parameter, "stable", "eigenvalues [1/s]"]]
+        for value, linear, row in zip(self.values, self.linearisations, self.eigenvalues.tolist(), strict=True):
+            stable = "-" if linear is None else "yes" if linear.stable else "no"
+            shown = "none" if linear is None else ", ".join(complex_text(x) for x in row)
+            rows.append([str(value), stable, shown])
+        head = f"{self.name}: eigenvalues over {self.parameter}"
+        return "\n".join([head, *aligned(rows), *(f"{note.label}: {note}" for note in self.notes)])
 
-    def to_dict(self) -> dict[str, Any]:
+    def _rows(self) -> list[Sequence[object]]:
+        titles = [f"{part} {k + 1} [1/s]" for k in range(self.eigenvalues.shape[1]) for part in ("Re", "Im")]
+        table: list[Sequence[object]] = [[self.parameter, *titles]]
+        for value, row in zip(self.values, self.eigenvalues, strict=True):
+            cells = ["" if np.isnan(x) else x for each in row.tolist() for x in pair(each)]
+            table.append([value if isinstance(value, (int, float)) else str(value), *cells])
+        return table
+
+    def as_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
 
         Returns:
@@ -128,7 +140,7 @@ class RootLoci:
 
         Example:
             >>> import bellcrank as bc
-            >>> bc.root_loci("pendulum", "initial.swing", [0.1, 0.2]).to_dict()["values"]
+            >>> bc.root_loci("pendulum", "initial.swing", [0.1, 0.2]).as_dict()["values"]
             [0.1, 0.2]
         """
         return {

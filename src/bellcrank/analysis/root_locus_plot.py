@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.plot_style import colour, literal, new_figure, plain, write_figure
+from bellcrank.present.plot_style import colour, literal, new_figure, plain, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,6 +21,7 @@ from bellcrank.actuators.motor import Motor
 from bellcrank.arrays import Mask
 from bellcrank.config.units import RPM
 from bellcrank.files import json_files
+from bellcrank.present import tables as present
 from bellcrank.sizing.selection.criteria import Criterion, lacks
 from bellcrank.sizing.selection.judge import CRITERIA
 
@@ -173,18 +174,9 @@ def fitted(header: Sequence[str], rows: Cells, width: int) -> str:
 
 def text_table(header: Sequence[str], rows: Cells) -> str:
     """Columns under headers of one or two lines; numbers to the right."""
-    titles = [title.split("\n") for title in header]
-    depth = max(map(len, titles))
-    heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
-    widths = [max(len(line[k]) for line in [*heads, *rows]) for k in range(len(header))]
     numeric = [all(not row[k] or row[k][0] in "-.0123456789" for row in rows) for k in range(len(header))]
-
-    def written(line: Sequence[str]) -> str:
-        cells = zip(line, widths, numeric, strict=True)
-        return "  ".join(cell.rjust(width) if right else cell.ljust(width) for cell, width, right in cells).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
-    return "\n".join([*map(written, heads), rule, *map(written, rows)])
+    left = [k for k, right in enumerate(numeric) if not right]
+    return present.text_table(present.TableContent(list(header), list(map(list, rows))), left)
 
 
 def _counts(catalogue: Catalogue, wrong: int) -> str:

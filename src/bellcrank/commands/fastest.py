@@ -155,7 +155,7 @@ def _fastest(arguments: argparse.Namespace, given: tuple[Any, ...], folder: Path
     folder.mkdir(parents=True, exist_ok=True)
     write_motion(found.motion, folder / f"fastest_{stem}.csv")
     files.append(folder / f"fastest_{stem}.csv")
-    files.append(found.limits_to_csv(folder / f"limits_{stem}.csv"))
+    files.append(found.to_csv(folder / f"limits_{stem}.csv"))
     files.append(found.to_json(folder / f"fastest_{stem}.json"))
     if not arguments.no_plots:
         files.append(found.plot(folder / f"fastest_{stem}.png"))

@@ -62,8 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Judge the motors and gears of a configuration. Exit code 0: all limits are kept; 1: one is exceeded, or a main
     criterion is unknown. Raises BellcrankError for invalid input.
     """
+    from bellcrank.present.tables import wrapped
     from bellcrank.sizing.judge import judge
-    from bellcrank.sizing.text_tables import wrapped
     from bellcrank.sizing.verdict_tables import table, verdict
 
     payloads = [parse_payload(text) for text in arguments.payload]

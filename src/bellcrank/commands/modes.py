@@ -16,7 +16,7 @@ from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder, default_place
 from bellcrank.messages import unknown_name
 from bellcrank.notes import reached
-from bellcrank.plot_style import svg_of
+from bellcrank.present.plot_style import svg_of
 from bellcrank.replays.film.posture_films import SECONDS, film_of_modes
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.reports.document import Document, Facts, Picture, Still, document_html
@@ -171,11 +171,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _floquet(scene: Scene, period: float, at: float, folder: Path) -> int:
     """Print and write the Floquet multipliers of a periodic motion; returns the exit code."""
     from bellcrank.analysis.floquet import floquet
-    from bellcrank.files.json_files import write_json
 
     found = floquet(scene, period, at)
     print(found.table())
-    write_json(folder / "modes.json", found.to_dict(), ascii_only=True)
+    found.to_json(folder / "modes.json")
     print(f"\nwrote modes.json in {folder}")
     return 0 if found.stable and not reached(found.notes) else 1
 
@@ -207,10 +206,8 @@ def _loci(scene: Scene, text: str, at: str | float | None) -> RootLoci:
 
 
 def _write_loci(loci: RootLoci, folder: Path, files: list[Path]) -> None:
-    from bellcrank.files.json_files import write_json
 
     loci.plot(folder / "root_loci.png")
     files.append(folder / "root_loci.png")
-    loci.to_csv(folder / "root_loci.csv")
-    files.append(folder / "root_loci.csv")
-    files.append(write_json(folder / "root_loci.json", loci.to_dict(), ascii_only=True))
+    files.append(loci.to_csv(folder / "root_loci.csv"))
+    files.append(loci.to_json(folder / "root_loci.json"))

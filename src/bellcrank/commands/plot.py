@@ -73,7 +73,7 @@ def _run_files(run: Trajectory, out: Path, frames: list[str]) -> list[Path]:
 def _figure_files(result: Sizing | Selection, out: Path) -> list[Path]:
     """All pictures of a sizing or selection, named after `out`."""
     from bellcrank.files.atomic_write import writing
-    from bellcrank.plot_style import DPI, save_figure
+    from bellcrank.present.plot_style import DPI, save_figure
     from bellcrank.sizing.plots import sizing_figures
     from bellcrank.sizing.result import Sizing
     from bellcrank.sizing.selection.plots import selection_figures

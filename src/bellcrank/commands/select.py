@@ -184,12 +184,12 @@ def run(arguments: argparse.Namespace) -> int:
     a chosen pair is unknown, or a limit of the whole robot is exceeded. Raises BellcrankError for invalid input.
     """
     from bellcrank.files.json_files import list_files
+    from bellcrank.present.tables import wrapped
     from bellcrank.sizing.selection.select import select
     from bellcrank.sizing.selection.selection_files import FILES, REPORT, RESULTS, earlier_files, write_results
     from bellcrank.sizing.selection.tables import table, verdict
     from bellcrank.sizing.selection.written_config import check_target
     from bellcrank.sizing.sizing_files import remove_stale
-    from bellcrank.sizing.text_tables import wrapped
 
     payloads = [parse_payload(text) for text in arguments.payload]
     limits = dict(map(parse_limit, arguments.limit))

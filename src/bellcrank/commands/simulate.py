@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
                 checkpoint_every=every, sensitivities=arguments.sensitivity, **numbers,
             )  # fmt: skip
         except NotSavedError as error:
-            print(error.run.summary())
+            print(error.run.table())
             raise
         bar(float(result.time[-1]))
     files, most = [target], CSV_ROWS
@@ -141,7 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
             write_each(files, _others(result, folder, arguments))
             result.error_estimate()  # part of the summary; the run itself is saved by now
             result.save(target)
-        print(result.summary())
+        print(result.table())
         if result.known_estimate is not None and not arguments.error_estimate:
             result.save(target)  # with the estimate, which the summary made
         for name in result.sensitivities:

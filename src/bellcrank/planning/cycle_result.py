@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from bellcrank.files.results import WithJson
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import WithNotes
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 
 By = Literal["pause", "speed"]
 Limit = Literal["rms", "temperature"]
@@ -18,8 +19,10 @@ LIMITS = {"rms": "RMS torque", "temperature": "winding temperature"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RepeatedCycle(WithNotes, WithJson):
+class RepeatedCycle(WithNotes, Result):
     """A cycle that the motors can repeat indefinitely.
+
+    `to_csv` writes one row a motor: the share of its limit that it uses as given, and in the cycle found.
 
     Attributes:
         robot: Name of the robot.
@@ -85,11 +88,15 @@ class RepeatedCycle(WithNotes, WithJson):
                 f"to repeat, by the {LIMITS[self.limit]} of {self.joint}: at {100.0 * self.factor:.4g} % of the speed, "
                 f"a cycle of {self.duration:.6g} s"
             )
-        width = max([len(name) for name in self.uses] + [5])
-        lines = [what, "", f"{'motor':<{width}}  used at once  used in the cycle"]
+        rows = [["motor", "used at once", "used in the cycle"]]
+        rows += [[one, *(f"{100.0 * use[one]:.1f} %" for use in (self.original_uses, self.uses))] for one in self.uses]
+        return "\n".join([what, "", *aligned(rows, (0,))])
+
+    def _rows(self) -> list[Sequence[object]]:
+        rows: list[Sequence[object]] = [["motor", "used at once", "used in the cycle"]]
         for name, use in self.uses.items():
-            lines.append(f"{name:<{width}}  {100.0 * self.original_uses[name]:10.1f} %  {100.0 * use:15.1f} %")
-        return "\n".join(lines)
+            rows.append([name, *(value if np.isfinite(value) else "" for value in (self.original_uses[name], use))])
+        return rows
 
     def as_dict(self) -> dict[str, Any]:
         """The result as data for JSON, without the motion's rows.
@@ -120,5 +127,5 @@ class RepeatedCycle(WithNotes, WithJson):
             "original_uses": finite(self.original_uses),
             "uses": finite(self.uses),
             "warnings": list(self.warnings),
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }

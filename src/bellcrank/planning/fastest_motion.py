@@ -12,14 +12,13 @@ import numpy as np
 from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.errors import BellcrankError
-from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import csv_text
-from bellcrank.files.results import WithJson
 from bellcrank.notes import WithNotes
 from bellcrank.planning.fastest_pass import SPEED_LIMIT, PathTiming, fastest_on_grid
 from bellcrank.planning.jerk.jerk_pass import JerkTiming
 from bellcrank.planning.joint_path import JointPath
 from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 
 if TYPE_CHECKING:
     from bellcrank.actuators.actuator import Actuator
@@ -78,7 +77,7 @@ class LimitExcess:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FastestMotion(WithNotes, WithJson):
+class FastestMotion(WithNotes, Result):
     """The fastest motion of a mechanism along a path, from rest to rest.
 
     Attributes:
@@ -184,14 +183,13 @@ class FastestMotion(WithNotes, WithJson):
         if np.isfinite(self.original_duration):
             lines[0] += f" instead of {self.original_duration:.6g} s, {self.original_duration / self.duration:.3g} x"
         lines.append(self.bound)
-        width = max([len(cost.limit) for cost in self.costs] + [5])
-        lines += ["", f"{'limit':<{width}}  active during  time saved by 1 % more"]
+        rows = [["limit", "active during", "time saved by 1 % more"]]
         for cost in self.costs:
             if cost.share < 5e-4 and abs(cost.derivative) < 5e-4:
                 continue  # active for an instant: it would be printed as zeros
             saved = "-" if np.isnan(cost.derivative) else f"{-cost.derivative:.3f} %"
-            lines.append(f"{cost.limit:<{width}}  {100.0 * cost.share:11.1f} %  {saved:>22}")
-        return "\n".join(lines)
+            rows.append([cost.limit, f"{100.0 * cost.share:.1f} %", saved])
+        return "\n".join([*lines, "", *aligned(rows, (0,))])
 
     def as_dict(self) -> dict[str, Any]:
         """The result as data for JSON, without the motion's rows.
@@ -230,32 +228,14 @@ class FastestMotion(WithNotes, WithJson):
                 for cost in self.costs
             ],
             "warnings": list(self.warnings),
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
 
-    def limits_to_csv(self, path: str | Path) -> Path:
-        """Write the path speed, its largest value and the active limit over the path as CSV, units in the header.
-
-        Args:
-            path: The file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, tempfile
-            >>> bc.time_optimal("planar_2r", "elbow_up").limits_to_csv(tempfile.mkdtemp() + "/limits.csv").name
-            'limits.csv'
-        """
-        target = arguments.path("path", path)
-        rows: list[list[object]] = [["t [s]", "s", "ds/dt [1/s]", "largest ds/dt [1/s]", "active limit from here"]]
+    def _rows(self) -> list[Sequence[object]]:
+        rows: list[Sequence[object]] = [["t [s]", "s", "ds/dt [1/s]", "largest ds/dt [1/s]", "active limit from here"]]
         for row in zip(self.time, self.s, self.speed, self.largest_speed, [*self.active, ""], strict=True):
             rows.append([*(float(x) for x in row[:4]), row[4]])
-        write_text(target, csv_text(rows))
-        return target
+        return rows
 
     def plot(self, path: str | Path) -> Path:
         """Draw the path speed below the largest one over the path, coloured by the active limit.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.plot_style import colour, dash, literal, new_figure, place, write_figure
+from bellcrank.present.plot_style import colour, dash, literal, new_figure, place, write_figure
 
 if TYPE_CHECKING:
     from bellcrank.planning.fastest_motion import FastestMotion

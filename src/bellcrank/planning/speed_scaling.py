@@ -14,7 +14,7 @@ than EXCESS. A jump of the use, where the power of a gear changes its direction,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,8 @@ from bellcrank.motion.motion import Motion
 from bellcrank.notes import WithNotes
 from bellcrank.planning.limits.motion_limits import MotionLimits
 from bellcrank.planning.limits.path_limits import PathLimits
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 from bellcrank.robot.model.payload import Payload
 from bellcrank.sizing.mechanism_sizing import motion_warnings
 from bellcrank.sizing.sizing_subject import sizing_subject
@@ -152,8 +154,10 @@ DRAWN = 121
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpeedFactor(WithNotes):
+class SpeedFactor(WithNotes, Result):
     """By which factor a motion can be sped up.
+
+    `to_csv` writes one row a factor of the picture: the largest share of each limit that is used.
 
     Attributes:
         robot: Name of the robot.
@@ -231,11 +235,36 @@ class SpeedFactor(WithNotes):
                 f"the limit is the {self.limit}, at {self.time:.4g} s of the motion as given",
             ]
         lines += self.warnings
-        width = max([len(name) for name in self.uses] + [5])
-        lines += ["", f"{'limit':<{width}}  used as given"]
         here = int(np.argmin(np.abs(self.factors - 1.0)))
-        lines += [f"{name:<{width}}  {100.0 * use[here]:11.1f} %" for name, use in self.uses.items()]
-        return "\n".join(lines)
+        rows = [["limit", "used as given"], *([it, f"{100.0 * use[here]:.1f} %"] for it, use in self.uses.items())]
+        return "\n".join([*lines, "", *aligned(rows, (0,))])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The result as data for JSON, without the motion's rows.
+
+        Returns:
+            The factor, what limits it, and the use of each limit over the factors of the picture.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.speed_factor("planar_2r", "elbow_up").as_dict()["limit"]
+            'torque of shoulder'
+        """
+        return {
+            "robot": self.robot,
+            "motion": self.motion.name,
+            "original_duration": self.motion.duration,
+            "factor": self.factor,
+            "limit": self.limit,
+            "time": self.time,
+            "factors": self.factors.tolist(),
+            "uses": {name: use.tolist() for name, use in self.uses.items()},
+            "warnings": list(self.warnings),
+            "notes": [note.as_dict() for note in self.notes],
+        }
+
+    def _rows(self) -> list[Sequence[object]]:
+        return [["factor", *self.uses], *np.column_stack([self.factors, *self.uses.values()]).tolist()]
 
     def plot(self, path: str | Path) -> Path:
         """Draw the use of each limit over the factor.

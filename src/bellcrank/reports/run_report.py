@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bellcrank.plot_style import svg_of
+from bellcrank.present.plot_style import svg_of
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.input_tables import (
     about,

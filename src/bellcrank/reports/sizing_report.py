@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bellcrank.plot_style import svg_of
+from bellcrank.present.plot_style import svg_of
+from bellcrank.present.tables import TableContent
 from bellcrank.replays.film.film import Film
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table
 from bellcrank.reports.input_tables import (
@@ -20,7 +21,6 @@ from bellcrank.sizing.joint_sizing import Peak
 from bellcrank.sizing.plots import sizing_figures
 from bellcrank.sizing.result import Sizing
 from bellcrank.sizing.tables import STRUCTURE, force_rows, joint_rows, shaft_rows, sized_with, structure_rows, verdict
-from bellcrank.sizing.text_tables import TableContent
 
 
 def sizing_document(sizing: Sizing, film: Film, pictures: bool = True) -> Document:

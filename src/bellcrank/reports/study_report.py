@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.errors import InputError
-from bellcrank.plot_style import svg_of
+from bellcrank.present.plot_style import svg_of
 from bellcrank.replays.page.page import Surroundings, write_page
 from bellcrank.reports.document import Document, Facts, Picture, Still, Table, document_html
 from bellcrank.reports.input_tables import about, made_with

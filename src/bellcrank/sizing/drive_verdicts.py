@@ -13,9 +13,9 @@ from bellcrank.actuators.actuator_fields import ROBOT_WIDE, actuator_data
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import InputError
-from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
+from bellcrank.present.results import JsonLayout, Result
 from bellcrank.sizing.selection.axis_loads_of import AxisModel, axis_model
 from bellcrank.sizing.selection.criteria import TOLERANCE, CriterionResult
 from bellcrank.sizing.selection.judge import in_words
@@ -129,10 +129,10 @@ class DriveVerdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveVerdicts(WithNotes, WithJson):
+class DriveVerdicts(WithNotes, Result):
     """The verdicts on the motors and gears of a robot, made by `bellcrank.judge`.
 
-    `print` shows every criterion of each, and the verdict.
+    `to_csv` writes one row an axis and criterion; those of all axes together come last.
 
     Attributes:
         drives: Of each axis that has an actuator.
@@ -157,7 +157,17 @@ class DriveVerdicts(WithNotes, WithJson):
     def __repr__(self) -> str:
         return f"DriveVerdicts('{self.robot}', {', '.join(f'{one.axis}: {one.state}' for one in self.drives)})"
 
-    def __str__(self) -> str:
+    def table(self) -> str:
+        """Every criterion of each motor and gear, notes, and the verdict.
+
+        Returns:
+            Lines of text.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> "Geared pendulum" in bc.judge("geared_pendulum").table()
+            True
+        """
         from bellcrank.sizing.verdict_tables import table, verdict
 
         return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
@@ -197,6 +207,12 @@ class DriveVerdicts(WithNotes, WithJson):
         """Whether no criterion is exceeded, and no main criterion is unknown: no motor may be far too weak or slow."""
         return self.inside and not any(one.main_unknown for one in self.drives)
 
+    def _rows(self) -> list[Sequence[object]]:
+        rows: list[Sequence[object]] = [["axis", "criterion", "use", "verdict", "text"]]
+        for axis, criteria in (*((one.axis, one.criteria) for one in self.drives), ("all axes", self.system)):
+            rows += [[axis, one.name, "" if one.use is None else one.use, one.verdict, one.text] for one in criteria]
+        return rows
+
     def as_dict(self) -> dict[str, Any]:
         """The verdicts as JSON holds them.
 
@@ -226,7 +242,7 @@ class DriveVerdicts(WithNotes, WithJson):
             "system": [one.as_dict() for one in self.system],
             "axes_without_actuator": list(self.axes_without),
             "warnings": list(self.warnings),
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
             **({"undetermined": list(self.undetermined)} if self.undetermined else {}),
         }
 

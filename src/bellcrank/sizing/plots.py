@@ -16,7 +16,7 @@ from bellcrank.config.units import RPM
 from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import (
+from bellcrank.present.plot_style import (
     colour,
     dash,
     heading,

@@ -11,9 +11,9 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.dynamics.inverse.mechanism import AppliedForce
 from bellcrank.errors import InputError
-from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
+from bellcrank.present.results import JsonLayout, Result
 from bellcrank.sizing.drive_verdicts import DriveJudging
 from bellcrank.sizing.joint_sizing import JointSizing, MotorSizing, Peak, ShaftSizing
 from bellcrank.sizing.loads.joint_histories import SizingInputs
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sizing(Portable, WithNotes, WithJson, WithCsv):
+class Sizing(Portable, WithNotes, Result):
     """The sizing of a robot over its motions, made by `bellcrank.size`.
 
     `print` shows its tables and the verdict; a notebook shows them as HTML tables. `to_csv` writes one line a joint.
@@ -105,7 +105,17 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
             verdict = f"{len(self.unsizable)} joints cannot be sized, {verdict}" if self.exceeded else "cannot be sized"
         return f"Sizing('{self.robot}', {len(self.joints)} joints over {', '.join(self.motions)}: {verdict})"
 
-    def __str__(self) -> str:
+    def table(self) -> str:
+        """The tables of joints and motors, notes, and the verdict.
+
+        Returns:
+            Lines of text.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> "Geared pendulum" in bc.size("geared_pendulum").table()
+            True
+        """
         from bellcrank.sizing.tables import table, verdict
 
         return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
@@ -156,10 +166,10 @@ class Sizing(Portable, WithNotes, WithJson, WithCsv):
 
         return sizing_data(self)
 
-    def _csv_text(self) -> str:
-        from bellcrank.sizing.sizing_files import csv_text
+    def _rows(self) -> list[Sequence[object]]:
+        from bellcrank.sizing.sizing_files import csv_rows
 
-        return csv_text(self)
+        return csv_rows(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None, motion: str | None = None) -> Figure:
         """Draw the sizing.

@@ -8,8 +8,8 @@ Max-Min (1967): the derivative of a maximum where it is attained at one point.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from bellcrank.dynamics.inverse.mechanism import Mechanism
 from bellcrank.dynamics.inverse.motor_torques import Loads, MotorTorqueDerivatives
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 from bellcrank.sizing.loads.joint_loads import JointLoads
 from bellcrank.sizing.loads.motion_grid import root_mean_square
 from bellcrank.sizing.loads.motion_peaks import loads_grid
@@ -72,8 +75,10 @@ class JointSensitivity:
 
 
 @dataclass(frozen=True)
-class SizingSensitivity:
+class SizingSensitivity(Result):
     """The derivatives of a sizing by one parameter.
+
+    `to_csv` writes one row a joint.
 
     Attributes:
         name: The parameter.
@@ -108,6 +113,49 @@ class SizingSensitivity:
         if name not in joints:
             raise InputError(f"sensitivity by {self.name}: {unknown_name('joint', name, joints)}")
         return joints[name]
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Nothing is left out."""
+        return ()
+
+    def table(self) -> str:
+        """The derivatives of each joint as text.
+
+        Returns:
+            A line a joint.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> [found] = bc.size("four_bar").sensitivities(["crank_length"])
+            >>> print(found.table().splitlines()[0])
+            derivatives by crank_length [m]
+        """
+        header, *rows = self._rows()
+        cells = [
+            list(map(str, header)),
+            *([f"{it:.6g}" if isinstance(it, float) else str(it) for it in row] for row in rows),
+        ]
+        return "\n".join([f"derivatives by {self.name} [{self.unit or '1'}]", *aligned(cells, (0,))])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The derivatives as data for JSON.
+
+        Returns:
+            The parameter, its unit, and the derivatives of each joint by name.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> [found] = bc.size("four_bar").sensitivities(["crank_length"])
+            >>> found.as_dict()["name"]
+            'crank_length'
+        """
+        return asdict(self)
+
+    def _rows(self) -> list[Sequence[object]]:
+        names = [each.name for each in fields(JointSensitivity)]
+        header = ["joint", *(name.replace("_", " ") for name in names[1:])]
+        return [header, *([getattr(joint, name) for name in names] for joint in self.joints)]
 
 
 class TorqueMaximum(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 from bellcrank.actuators.actuator import Actuator
 from bellcrank.actuators.actuator_fields import actuator_data
 from bellcrank.arrays import Array
-from bellcrank.files import atomic_write, csv_files, json_files
+from bellcrank.files import atomic_write, json_files
 from bellcrank.files.csv_files import write_table
 from bellcrank.messages import file_name
 from bellcrank.motion.motion import Motion
@@ -49,10 +49,9 @@ def write_results(sizing: Sizing, folder: str | Path) -> list[Path]:
     Raises InputError where a file cannot be written.
     """
     folder = Path(folder)
-    files = {folder / "sizing.csv": csv_text(sizing), folder / "sizing.json": json_text(sizing)}
-    for path, text in files.items():
-        atomic_write.write_text(path, text)
-    return list(files)
+    text = json_text(sizing)
+    atomic_write.write_text(folder / "sizing.json", text)
+    return [sizing.to_csv(folder / "sizing.csv"), folder / "sizing.json"]
 
 
 def write_histories(sizing: Sizing, folder: str | Path) -> list[Path]:
@@ -152,7 +151,7 @@ def sizing_data(sizing: Sizing, files: Iterable[str] = ()) -> dict[str, Any]:
         "urdf_errors": list(sizing.urdf_errors),
         "joints_allowed_without_mass": list(sizing.allowed_massless),
         "warnings": list(sizing.warnings),
-        "notes": [note.to_dict() for note in sizing.notes],
+        "notes": [note.as_dict() for note in sizing.notes],
         "units": {
             "gravity": "m/s^2, in the world",
             "mass": "kg",
@@ -254,16 +253,18 @@ def _actuator_document(actuator: Actuator) -> dict[str, Any]:
 # ---- The file sizing.csv: one line a joint, motor or constraint, with units in the header.
 
 
-def csv_text(sizing: Sizing) -> str:
-    """The text of sizing.csv: one line a joint with a motor, then one a motor of a coupled transmission, then one a
-    constraint and joint without a motor of a closed linkage; units in the header, empty where there is no limit, no
-    actuator or no such load. Each criterion that is judged of any motor has a column.
+def csv_rows(sizing: Sizing) -> list[Sequence[object]]:
+    """The rows of sizing.csv, first its header with units.
+
+    One is of a joint with a motor, then one of a motor of a coupled transmission, then one of a constraint or a joint
+    without a motor of a closed linkage. A cell is empty where there is no limit, no actuator or no such load. Each
+    criterion that is judged of any motor has a column.
     """
     criteria = tuple(dict.fromkeys(name for _, shaft in sizing.shafts for name in shaft.margins))
     rows = [_csv_row(joint, criteria) for joint in sizing.joints]
     rows += [dict.fromkeys(rows[0], "") | _csv_motor_row(motor, criteria) for motor in sizing.motors]
     rows += [dict.fromkeys(rows[0], "") | _csv_load_row(load) for load in sizing.structure]
-    return csv_files.csv_text([rows[0], *(row.values() for row in rows)])
+    return [list(rows[0]), *(list(row.values()) for row in rows)]
 
 
 def _csv_row(joint: JointSizing, criteria: Iterable[str]) -> dict[str, Any]:

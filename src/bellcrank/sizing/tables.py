@@ -7,16 +7,8 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from bellcrank.sizing.text_tables import (
-    TableContent,
-    exceeded_limits,
-    html_table,
-    listed,
-    not_verified,
-    text_table,
-    undetermined_lines,
-    unknown_limits,
-)
+from bellcrank.present.tables import TableContent, html_table, listed, text_table
+from bellcrank.sizing.selection.tables import exceeded_limits, not_verified, undetermined_lines, unknown_limits
 
 if TYPE_CHECKING:
     from bellcrank.sizing.joint_sizing import JointSizing, ShaftSizing

@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from bellcrank.present.tables import wrapped
 from bellcrank.sizing.selection.criteria import CriterionResult
-from bellcrank.sizing.selection.tables import percent, reserve_note, selected_for
-from bellcrank.sizing.text_tables import exceeded_limits, not_verified, undetermined_lines, unknown_limits, wrapped
+from bellcrank.sizing.selection.tables import (
+    exceeded_limits,
+    not_verified,
+    percent,
+    reserve_note,
+    selected_for,
+    undetermined_lines,
+    unknown_limits,
+)
 
 if TYPE_CHECKING:
     from bellcrank.sizing.drive_verdicts import DriveVerdict, DriveVerdicts

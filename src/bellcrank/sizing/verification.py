@@ -23,16 +23,16 @@ from bellcrank.dynamics.inverse.drive_loops import DriveDynamics
 from bellcrank.dynamics.inverse.mechanism import mechanism_of
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess, Trust
-from bellcrank.files.results import JsonLayout, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.motion.sampled.csv_file import write_motion
 from bellcrank.notes import Note, WithNotes
+from bellcrank.present.results import JsonLayout, Result
+from bellcrank.present.tables import TableContent, text_table
 from bellcrank.scene.load import given_scene
 from bellcrank.scene.scene import Scene
 from bellcrank.simulation.simulate import simulate
 from bellcrank.simulation.trajectory.events import AT_LIMIT, drive_columns, largest_bus_voltage
 from bellcrank.sizing.selection.selection import Selection
-from bellcrank.sizing.text_tables import TableContent, text_table
 
 if TYPE_CHECKING:
     from bellcrank.elements.drives import Drive
@@ -79,8 +79,10 @@ class FollowedAxis:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SelectionVerification(WithNotes, WithJson):
+class SelectionVerification(WithNotes, Result):
     """Whether the axes of a robot follow its motions with their drives in the loop; made by `verify_selection`.
+
+    `to_csv` writes one row an axis and motion.
 
     Attributes:
         robot: Name of the robot or robot configuration.
@@ -157,9 +159,6 @@ class SelectionVerification(WithNotes, WithJson):
         """ "kept" or "exceeded"."""
         return "kept" if self.kept else "exceeded"
 
-    def __str__(self) -> str:
-        return self.table()
-
     def table(self) -> str:
         """The result as text.
 
@@ -202,6 +201,16 @@ class SelectionVerification(WithNotes, WithJson):
             parts.append("All limits that were given are kept." if self.limits else "No limit was given.")
         return "\n".join(parts)
 
+    def _rows(self) -> list[Sequence[object]]:
+        header = [
+            "joint", "motion", "unit of the error", "tracking error", "settling time [s]", "command over limit",
+            "time at limit [s]", "RMS torque of the motor [N m]", "current [A]", "voltage [V]", "stuck [s]",
+            "winding temperature [°C]",
+        ]  # fmt: skip
+        order = ("joint", "motion", "unit", "tracking_error", "settling_time", "command_over_limit", "time_at_limit",
+                 "motor_torque", "current", "voltage", "stuck", "winding_temperature")  # fmt: skip
+        return [header, *([_csv_cell(getattr(one, name)) for name in order] for one in self.axes)]
+
     def as_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold.
 
@@ -225,11 +234,15 @@ class SelectionVerification(WithNotes, WithJson):
             "tool_errors": {motion: finite(error) for motion, error in self.tool_errors.items()},
             "frame": self.frame,
             "bus_voltages": {motion: finite(value) for motion, value in self.bus_voltages.items()},
-            "drives": [drive.to_dict() for drive in self.drives],
+            "drives": [drive.as_dict() for drive in self.drives],
             "limits": dict(self.limits),
             "band": dict(self.band),
             "notes": [str(text) for text in self.warnings],
         }
+
+
+def _csv_cell(value: object) -> object:
+    return "" if value is None or (isinstance(value, float) and not math.isfinite(value)) else value
 
 
 @arguments.named

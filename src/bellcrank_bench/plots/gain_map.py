@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.files import atomic_write
-from bellcrank.plot_style import new_figure, save_figure
+from bellcrank.present.plot_style import new_figure, save_figure
 from bellcrank.simulation.integration.automatic_gains import drift_bound
 from bellcrank_bench.measurements import gain_map
 from bellcrank_bench.measurements.gain_map import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.files import atomic_write
-from bellcrank.plot_style import new_figure, save_figure
+from bellcrank.present.plot_style import new_figure, save_figure
 from bellcrank_bench.c_baseline.baseline import NAME as C_BASELINE
 from bellcrank_bench.measurements.row import Row
 from bellcrank_bench.measurements.scene_benchmark import SceneReport

@@ -45,7 +45,7 @@ class Certificates:
         assert loaded_run.success and loaded_run.warnings == () and loaded_run.non_finite == ()
         text = f"{loaded_run.scene.name}: finished at {end:.9g} s: the whole duration was simulated"
         assert loaded_run.message == text
-        assert loaded_run.summary().splitlines()[0].startswith(loaded_run.scene.name)
+        assert loaded_run.table().splitlines()[0].startswith(loaded_run.scene.name)
 
     def test_a_run_that_spends_its_evaluations_ends_early_and_says_so(self, loaded_run):
         run = bc.simulate(loaded_run.scene, max_evaluations=60)

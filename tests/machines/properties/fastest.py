@@ -129,7 +129,7 @@ class Fastest:
         assert document["original_duration"] == fastest.original_duration
         for entry, cost in zip(document["costs"], fastest.costs, strict=True):
             assert (entry["limit"], entry["share_of_time"]) == (cost.limit, cost.share)
-        rows = fastest.limits_to_csv(tmp_path / "limits.csv").read_text(encoding="utf-8").splitlines()
+        rows = fastest.to_csv(tmp_path / "limits.csv").read_text(encoding="utf-8").splitlines()
         assert rows[0] == "t [s],s,ds/dt [1/s],largest ds/dt [1/s],active limit from here"
         cells = [row.split(",") for row in rows[1:]]
         numbers = np.array([[float(cell) for cell in row[:4]] for row in cells])

@@ -10,7 +10,8 @@ from sized_catalogue import sized_catalogue
 import bellcrank as bc
 from bellcrank.actuators.conditions import Conditions
 from bellcrank.actuators.powertrain import PowerTrains
-from bellcrank.sizing.sizing_files import csv_text, json_text
+from bellcrank.sizing.sizing_files import json_text
+from tests.support.written import csv_text
 
 pytestmark = pytest.mark.tier2
 

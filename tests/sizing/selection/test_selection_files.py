@@ -26,13 +26,13 @@ from bellcrank.sizing.selection.selection import Selection
 from bellcrank.sizing.selection.selection_files import (
     FILES,
     RESULTS,
-    csv_text,
     earlier_files,
     json_text,
     write_results,
 )
 from bellcrank.sizing.selection.tables import WIDTH, selection_html, table, verdict
 from bellcrank.sizing.size import size
+from tests.support.written import csv_text
 
 CONDITIONS = Conditions(safety_factor=1.1, assume={"gear.efficiency": 0.6})
 

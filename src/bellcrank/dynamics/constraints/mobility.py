@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,9 @@ from bellcrank.dynamics.postures.posture_search import (
     search_postures,
 )
 from bellcrank.errors import InputError
+from bellcrank.notes import Note
 from bellcrank.numerics import checked, eigenvectors, singular_values, svd
+from bellcrank.present.results import Result
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -98,7 +100,7 @@ ASIDE = 0.02  # rad or characteristic lengths: how far away the mobility of neig
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Mobility:
+class Mobility(Result):
     """The mobility of a mechanism at its start.
 
     Attributes:
@@ -137,8 +139,39 @@ class Mobility:
         """The motors whose velocities depend on those of the independent ones."""
         return tuple(name for name in self.motors if name not in self.independent_motors)
 
-    def __str__(self) -> str:
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """Nothing is left out."""
+        return ()
+
+    def table(self) -> str:
+        """The freedoms, redundant conditions and motors in words.
+
+        Returns:
+            Lines of text.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.mobility("four_bar").table().splitlines()[0])
+            1 degree of freedom: 3 of the joints less 2 independent conditions of 2
+        """
         return "\n".join(self._lines())
+
+    def as_dict(self) -> dict[str, Any]:
+        """The mobility as data for JSON.
+
+        Returns:
+            Its attributes by name.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.mobility("four_bar").as_dict()["freedoms"]
+            1
+        """
+        return asdict(self)
+
+    def _rows(self) -> list[Sequence[object]]:
+        return [["quantity", "value"], *([name, _words(value)] for name, value in self.as_dict().items())]
 
     def _lines(self) -> list[str]:
         found = [
@@ -287,6 +320,13 @@ def _nearby_freedoms(scene: Scene, q: Array, v: Array, free: Array) -> int:
         if verdicts.code[0] == StartCode.CONSISTENT:
             found.append(scene.robot.nv - _rank(_jacobian(scene, there[0], v)))
     return min(found)
+
+
+def _words(value: object) -> object:
+    """A number, or names with a blank between them."""
+    if not isinstance(value, tuple):
+        return value
+    return " ".join(f"{one[0]} ({one[1]})" if isinstance(one, tuple) else str(one) for one in value)
 
 
 def _count(number: int, what: str) -> str:

@@ -102,7 +102,7 @@ class DriveDynamics:
             found.append(("bandwidth", f"{self.bandwidth / (2.0 * math.pi):.5g} Hz"))
         return found
 
-    def to_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The result as data that JSON can hold, infinite margins as None."""
         finite = {
             name: None if value is None or not math.isfinite(value) else value

@@ -11,8 +11,8 @@ motors than driven freedoms share the load with the least Σ τ². Sources: Naka
 Autom. 5 (1989); hybrid dynamics, Featherstone, Rigid Body Dynamics Algorithms (2008), 9.2.
 
 Kinematics alone give the least joint rates of an idle rotation, as if something held it still. It turns freely instead:
-its acceleration follows from its own equation of motion, on which no force but those of springs and friction acts
-(the second one above). The mass of a rod about its own axis is small, so that this hardly changes the motors' torques. Where
+its acceleration follows from its own equation of motion, on which no force but those of springs and friction acts (the
+second one above). The mass of a rod about its own axis is small, so that this hardly changes the motors' torques. Where
 it does, the weight of what turns matters, and the motion is refused.
 """
 

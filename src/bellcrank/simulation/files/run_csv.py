@@ -84,10 +84,16 @@ def torque_unit(kind: str) -> str:
 
 
 def write_csv(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path:
-    """Write time and the derivatives of positions, velocities and outputs by each variable; returns the path.
+    """Write `derivative_columns`, atomically; returns the path. Raises InputError where it cannot be written."""
+    labels, rows = derivative_columns(sensitivities)
+    return write_table(path, labels, iter([rows]))
 
-    The header names columns and units, such as "d(crank position)/d(crank_length) [rad per m]". The file is written
-    atomically. Raises InputError where it cannot be written.
+
+def derivative_columns(sensitivities: Sequence[RunSensitivity]) -> tuple[list[tuple[str, str]], Array]:
+    """Time and the derivatives of positions, velocities and outputs by each variable.
+
+    (name, unit) of every column, such as ("d(crank position)/d(crank_length)", "rad per m"), and the table
+    (n, columns).
     """
     labels, columns = [("time", "s")], [sensitivities[0].time[:, None]]
     for one in sensitivities:
@@ -97,7 +103,7 @@ def write_csv(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path
             quantities += output_labels(run, name)
         labels += [(f"d({quantity})/d({one.name})", one.per(unit)) for quantity, unit in quantities]
         columns += [one.state, *(x.reshape(len(one.time), -1) for x in one.outputs.values())]
-    return write_table(path, labels, iter([np.column_stack(columns)]))
+    return labels, np.column_stack(columns)
 
 
 def write_npz(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from bellcrank.cached_values import cached_property
 from bellcrank.elements.signals import Signal, values_at
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from bellcrank.dynamics.equations.directional_equations import DirectionalEquations
     from bellcrank.dynamics.postures.start_sensitivities import StartVariable
     from bellcrank.simulation.trajectory.events import Event
@@ -91,10 +92,11 @@ class EventSensitivity:
     energy_lost: float = 0.0
 
 
-class RunSensitivity:
+class RunSensitivity(Result):
     """The derivative of a run by one variable p, at constant time in each row.
 
-    Made by `Trajectory.sensitivity`. All quantities are per unit of p.
+    Made by `Trajectory.sensitivity`. All quantities are per unit of p. `to_csv` writes one row a time: the derivatives
+    of positions, velocities and outputs.
 
     Attributes:
         run: The run.
@@ -131,8 +133,8 @@ class RunSensitivity:
         return f"{unit} per {self.unit}" if self.unit else unit
 
     @cached_property
-    def notes(self) -> tuple[str, ...]:
-        """What to know about these derivatives, a clause each; empty where they are exact but for tolerances.
+    def notes(self) -> tuple[Note, ...]:
+        """What to know about these derivatives; empty where they are exact but for tolerances.
 
         Example:
             >>> import bellcrank as bc
@@ -151,7 +153,7 @@ class RunSensitivity:
                 f"the equations contain conditions ({', '.join(switches)}): where the motion crosses one at which a "
                 "force jumps, the derivative lacks the part of that jump"
             )
-        return tuple(found)
+        return ranked(found)
 
     # ---- rows
 
@@ -317,30 +319,61 @@ class RunSensitivity:
             name=event.name, time=dt, position=total[: robot.nq], velocity=total[robot.nq :], **latch
         )
 
-    # ---- export
+    # ---- to read, and other formats
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write the derivatives of positions, velocities and outputs as CSV.
-
-        Args:
-            path: The file, which is replaced in one step.
+    def table(self) -> str:
+        """The derivatives of the times of events, and of all quantities at the end, as text.
 
         Returns:
-            The path of the file. The header names columns and units.
-
-        Raises:
-            InputError: The file cannot be written.
+            A line a quantity.
 
         Example:
-            >>> import bellcrank as bc, pathlib, tempfile
-            >>> run = bc.simulate("four_bar", samples=3, sensitivities=["crank_length"])
-            >>> path = run.sensitivity("crank_length").to_csv(pathlib.Path(tempfile.mkdtemp()) / "by_length.csv")
-            >>> path.read_text().split(",")[1]
-            'd(crank position)/d(crank_length) [rad per m]'
+            >>> import bellcrank as bc
+            >>> run = bc.simulate("four_bar", sensitivities=["crank_length"])
+            >>> print(run.sensitivity("crank_length").table().splitlines()[0])
+            Deployable four-bar: derivatives by crank_length
         """
-        from bellcrank.simulation.files.run_csv import write_csv
+        lines = [f"{self.run.scene.name}: derivatives by {self.name}"]
+        rows = [[f"time of {name}", f"{value:.6g} {self.per('s')}"] for name, value in self._times()]
+        rows += [[title, f"{value:.6g} {unit}"] for title, unit, value in self._end()]
+        return "\n".join([*lines, *aligned([["", "at the end"], *rows]), *(f"note: {text}" for text in self.notes)])
 
-        return write_csv([self], arguments.path("path", path, "the path of a file"))
+    def as_dict(self) -> dict[str, Any]:
+        """The derivatives at events and at the end as data for JSON.
+
+        Returns:
+            The variable with its unit, ∂t/∂p of the events, and all quantities at the end.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> run = bc.simulate("four_bar", sensitivities=["crank_length"])
+            >>> run.sensitivity("crank_length").as_dict()["unit"]
+            'm'
+        """
+        return {
+            "scene": self.run.scene.name,
+            "name": self.name,
+            "unit": self.unit,
+            "events": [{"name": name, "time": value} for name, value in self._times()],
+            "end": {title: {"value": value, "unit": unit} for title, unit, value in self._end()},
+            "notes": [note.as_dict() for note in self.notes],
+        }
+
+    def _times(self) -> list[tuple[str, float]]:
+        return [(event.name, value) for event, value in zip(self.run.events, self.event_times.tolist(), strict=True)]
+
+    def _end(self) -> list[tuple[str, str, float]]:
+        """(quantity, unit of its derivative, derivative) in the last row."""
+        from bellcrank.simulation.files.run_csv import derivative_columns
+
+        labels, rows = derivative_columns([self])
+        return [(name, unit, value) for (name, unit), value in zip(labels[1:], rows[-1, 1:].tolist(), strict=True)]
+
+    def _rows(self) -> list[Sequence[object]]:
+        from bellcrank.simulation.files.run_csv import derivative_columns
+
+        labels, rows = derivative_columns([self])
+        return [[f"{name} [{unit}]" for name, unit in labels], *rows.tolist()]
 
 
 def signal_rates(signals: tuple[Signal, ...], time: float) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from bellcrank import arguments
 from bellcrank.arrays import Array
-from bellcrank.plot_style import (
+from bellcrank.present.plot_style import (
     DASHES,
     PALETTE,
     colour,

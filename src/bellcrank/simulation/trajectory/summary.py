@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -105,6 +106,47 @@ def run_facts(run: Trajectory) -> list[tuple[str, str]]:
     rows += [("not known", text) for text in run.not_known if text not in leaving]
     rows += [("warning", text) for text in (*run.warnings, *run.robot.inertia_warnings) if text not in against]
     return rows + [("note", text) for text in run.notes if text not in against]
+
+
+def run_data(run: Trajectory) -> dict[str, Any]:
+    """The run without its rows, as data for JSON, in SI units."""
+    settings, last = run.settings, run.part(slice(-1, None))
+    labels = [*position_labels(run.robot.joints), *velocity_labels(run.robot.joints, 1)]
+    end = np.concatenate([run.position[-1], run.velocity[-1]]).tolist()
+    with np.errstate(all="ignore"):  # a run may end where numbers overflow
+        residuals = {
+            "energy_drift": run.energy_drift(),
+            "equations": run.equation_residual(),
+            "constraints": run.constraint_residual(),
+            "velocities": run.velocity_residual(),
+        }
+    return {
+        "scene": run.scene.name,
+        "status": str(run.status),
+        "message": run.message,
+        "start": float(run.time[0]),
+        "end": float(run.time[-1]),
+        "rows": len(run),
+        "settings": {"solver": settings.solver, "step": settings.step, "rtol": settings.rtol, "atol": settings.atol},
+        "statistics": asdict(run.statistics),
+        "events": [
+            {
+                "name": event.name, "time": event.time, "stopped": event.stopped, "impulse": event.impulse,
+                "energy_lost": event.energy_lost,
+            }
+            for event in run.events
+        ],
+        "energies_at_end": {
+            "kinetic": float(last.kinetic_energy[0]), "potential": float(last.potential_energy[0]),
+            "work": float(last.work[0]),
+        },
+        "residuals": residuals,
+        "error_estimate": run.known_estimate,
+        "at_end": {f"{name} [{unit}]": value for (name, unit), value in zip(labels, end, strict=True)},
+        "not_known": list(run.not_known),
+        "warnings": [*run.warnings, *run.robot.inertia_warnings],
+        "notes": [note.as_dict() for note in run.notes],
+    }  # fmt: skip
 
 
 def _switches(cost: Statistics) -> list[tuple[str, str]]:

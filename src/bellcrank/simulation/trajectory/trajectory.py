@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -20,6 +20,7 @@ from bellcrank.dynamics.equations.system import system_of
 from bellcrank.dynamics.inverse.input_breakpoints import prescribed_motion_end
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, ranked, reached
+from bellcrank.present.results import Result
 from bellcrank.robot.model.joints import unit_vectors
 from bellcrank.simulation.integration.statistics import Statistics, Status
 from bellcrank.simulation.trajectory.events import Event
@@ -38,7 +39,7 @@ AT_REST = 1e-12  # of the energies: what changes less is rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(StateHistory):
+class Trajectory(StateHistory, Result):
     """The result of `simulate` or `load_run`.
 
     Rows of time and state, and everything that follows from them; SI units throughout. The last row is where the run
@@ -582,20 +583,41 @@ class Trajectory(StateHistory):
 
         return plot_run(self, path, frame)
 
-    def summary(self) -> str:
-        """Summarise the run in a few lines: why it ended, what it cost, residuals, warnings, and the end.
+    def table(self) -> str:
+        """The run in a few lines: why it ended, what it cost, residuals, warnings, and the end.
 
         Returns:
             Lines of text; notebooks show the same as a table.
 
         Example:
             >>> import bellcrank as bc
-            >>> print(bc.simulate("pendulum", duration=1.0).summary().splitlines()[1].strip())
+            >>> print(bc.simulate("pendulum", duration=1.0).table().splitlines()[1].strip())
             solver             DOP853, rtol 1e-10, atol 1e-10
         """
         from bellcrank.simulation.trajectory.summary import summary_text
 
         return summary_text(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The run without its rows as data for JSON.
+
+        Returns:
+            Why it ended, settings, cost, events, energies, residuals, the end, and notes, in SI units.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.simulate("pendulum", duration=1.0).as_dict()["status"]
+            'finished'
+        """
+        from bellcrank.simulation.trajectory.summary import run_data
+
+        return run_data(self)
+
+    def _rows(self) -> list[Sequence[object]]:
+        from bellcrank.simulation.files.run_csv import columns
+
+        labels, table = columns(self)
+        return [[f"{name} [{unit}]" for name, unit in labels], *table.tolist()]
 
     def _repr_html_(self) -> str:
         from bellcrank.simulation.trajectory.summary import summary_html

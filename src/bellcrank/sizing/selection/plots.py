@@ -16,7 +16,7 @@ from bellcrank.arrays import Array
 from bellcrank.config.units import RPM
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.plot_style import (
+from bellcrank.present.plot_style import (
     colour,
     figures_aside,
     heading,

@@ -14,9 +14,9 @@ from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
 from bellcrank.cached_values import Portable
 from bellcrank.errors import InputError
-from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
 from bellcrank.notes import WithNotes
+from bellcrank.present.results import JsonLayout, Result
 from bellcrank.sizing.selection.axis_loads import DrivenAxis, LoadCycle
 from bellcrank.sizing.selection.criteria import CriterionResult
 from bellcrank.sizing.selection.judge import Tier
@@ -133,7 +133,7 @@ class SelectionInputs(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection(Portable, WithNotes, WithJson, WithCsv):
+class Selection(Portable, WithNotes, Result):
     """The motors and gears of a robot, made by `bellcrank.select`.
 
     `print` shows its tables and the verdict; a notebook shows them as HTML tables. `to_csv` writes one line an axis and
@@ -189,7 +189,17 @@ class Selection(Portable, WithNotes, WithJson, WithCsv):
         chosen = ", ".join(f"{one.axis.name}: {one.chosen.id if one.chosen else 'nothing fits'}" for one in self.axes)
         return f"Selection('{self.robot}', {chosen})"
 
-    def __str__(self) -> str:
+    def table(self) -> str:
+        """The motors and gears of every axis, notes, and the verdict.
+
+        Returns:
+            Lines of text.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> "Geared pendulum" in bc.select("geared_pendulum").table()
+            True
+        """
         from bellcrank.sizing.selection.tables import table, verdict
 
         return "\n".join([table(self), *(f"note: {text}" for text in self.warnings), "", verdict(self)])
@@ -259,10 +269,10 @@ class Selection(Portable, WithNotes, WithJson, WithCsv):
 
         return selection_data(self)
 
-    def _csv_text(self) -> str:
-        from bellcrank.sizing.selection.selection_files import csv_text
+    def _rows(self) -> list[Sequence[object]]:
+        from bellcrank.sizing.selection.selection_files import csv_rows
 
-        return csv_text(self)
+        return csv_rows(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None) -> Figure:
         """Draw the selection.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from bellcrank.actuators.catalogue.product_fields import product_data
 from bellcrank.actuators.conditions import BY_NAME, Conditions
 from bellcrank.actuators.gear import Gear
 from bellcrank.actuators.motor import Motor
-from bellcrank.files import atomic_write, csv_files, json_files
+from bellcrank.files import atomic_write, json_files
 
 if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
@@ -45,10 +45,9 @@ def write_results(selection: Selection, folder: str | Path) -> list[Path]:
     Raises InputError where a file cannot be written.
     """
     folder = Path(folder)
-    files = {folder / "selection.csv": csv_text(selection), folder / "selection.json": json_text(selection)}
-    for path, text in files.items():
-        atomic_write.write_text(path, text)
-    return list(files)
+    text = json_text(selection)
+    atomic_write.write_text(folder / "selection.json", text)
+    return [selection.to_csv(folder / "selection.csv"), folder / "selection.json"]
 
 
 def earlier_files(folder: str | Path) -> list[str]:
@@ -56,15 +55,15 @@ def earlier_files(folder: str | Path) -> list[str]:
     return json_files.listed_files(Path(folder) / "selection.json", _OURS)
 
 
-def csv_text(selection: Selection) -> str:
-    """The text of selection.csv: one line an axis and candidate, units in the header, empty where unknown."""
+def csv_rows(selection: Selection) -> list[Sequence[object]]:
+    """The rows of selection.csv, first its header: one an axis and candidate; cells of what is unknown are empty."""
     names = _criterion_names(selection)
     rows = [
         _row(one, rank, candidate, names)
         for one in selection.axes
         for rank, candidate in enumerate(one.candidates or (None,), 1)
     ]
-    return csv_files.csv_text([rows[0], *(row.values() for row in rows)])
+    return [list(rows[0]), *(list(row.values()) for row in rows)]
 
 
 def json_text(selection: Selection, files: Iterable[str] = RESULTS) -> str:
@@ -84,7 +83,7 @@ def selection_data(selection: Selection, files: Iterable[str] = ()) -> dict[str,
         "loss": selection.loss,
         "cost": selection.cost,
         "warnings": list(selection.warnings),
-        "notes": [note.to_dict() for note in selection.notes],
+        "notes": [note.as_dict() for note in selection.notes],
         **({"undetermined": list(selection.undetermined)} if selection.undetermined else {}),
         **({"simulated": _simulated(selection)} if selection.simulated_limits else {}),
         "conditions": _conditions(selection.conditions),

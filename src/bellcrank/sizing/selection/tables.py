@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
 from bellcrank.actuators.actuator_fields import OF_AN_AXIS, UNITS
 from bellcrank.actuators.conditions import Conditions, entries
+from bellcrank.notes import Note
+from bellcrank.present.tables import WIDTH, TableContent, counted, html_table, listed, text_table, wrapped
 from bellcrank.sizing.selection.judged_axes import MAIN
-from bellcrank.sizing.text_tables import (
-    WIDTH,
-    TableContent,
-    counted,
-    exceeded_limits,
-    html_table,
-    listed,
-    not_verified,
-    text_table,
-    undetermined_lines,
-    unknown_limits,
-    wrapped,
-)
 
 if TYPE_CHECKING:
     from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selection
@@ -315,3 +304,31 @@ def reserve_note(use: float) -> str:
     if use < LITTLE_RESERVE:
         return ""
     return f" Less than {1.0 - LITTLE_RESERVE:.0%} is left in reserve; a safety factor asks for more."
+
+
+# ---- Parts of a verdict: a title, and its texts below; nothing where there is no text.
+
+
+def exceeded_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """The limits that are exceeded."""
+    return listed(f"EXCEEDED: {counted(len(texts), 'limit')}", texts, wrap)
+
+
+def not_verified(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """The motors of which a main criterion is unknown."""
+    return listed(f"Not verified: {counted(len(texts), 'motor')} may be far too weak or too slow", texts, wrap)
+
+
+def undetermined_lines(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """What is not known, by its reason: what a robot's file says and is not modelled, and the rows of motions."""
+    omitted = [text for text in texts if isinstance(text, Note)]
+    peaks = [text for text in texts if not isinstance(text, Note)]
+    return [
+        *listed("Not known: what the robot's file says, acts along the motions, and is not modelled", omitted, wrap),
+        *listed("Not known: peaks that the rows of a motion do not determine", peaks, wrap),
+    ]
+
+
+def unknown_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
+    """What could not be compared."""
+    return listed("Unknown, because what they need is not stated:", texts, wrap)

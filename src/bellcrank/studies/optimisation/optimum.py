@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +15,8 @@ from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import writing
-from bellcrank.files.csv_files import csv_text
-from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
 from bellcrank.scene.robot_file_entries import without_robot_file
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.scene.source_mapping import plain
@@ -44,7 +44,7 @@ class Basin:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Optimum(WithJson, WithCsv):
+class Optimum(Result):
     """The result of `optimise`.
 
     `to_csv` writes every design that was run: variables, objective, measures of limits, and why it is infeasible.
@@ -379,11 +379,11 @@ class Optimum(WithJson, WithCsv):
             "seed": self.seed,
             "designs": self.problem.count,
             "history": [list(pair) for pair in self.history],
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
 
-    def _csv_text(self) -> str:
-        return csv_text(designs_table(self))
+    def _rows(self) -> list[Sequence[object]]:
+        return designs_table(self)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the best objective over the designs that were run, and the objective of all designs over each variable.
@@ -403,7 +403,7 @@ class Optimum(WithJson, WithCsv):
             >>> len(best.plot().axes)
             2
         """
-        from bellcrank.plot_style import write_figure
+        from bellcrank.present.plot_style import write_figure
 
         target = arguments.picture(path)
         return write_figure(designs_figure(self), target)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Mask
+from bellcrank.present.tables import aligned
 from bellcrank.studies.optimisation.local_search import KEPT
 
 if TYPE_CHECKING:
@@ -54,8 +55,7 @@ def text_table(result: Optimum) -> str:
     for name, unit, before, best, remark in rows_of(result):
         shown = "" if math.isnan(before) else f"{before:.6g}"
         cells.append((f"{name} [{unit}]" if unit else name, shown, f"{best:.8g}", remark))
-    widths = [max(len(row[k]) for row in cells) for k in range(3)]
-    lines = [f"{a:<{widths[0]}}  {b:>{widths[1]}}  {c:>{widths[2]}}  {remark}".rstrip() for a, b, c, remark in cells]
+    lines = aligned(cells, (0, 3))
     for name, value in result.multipliers.items():
         change = f"{value:.4g} {result.problem.unit_of(0)}".rstrip()
         lines.append(f"per SI unit of '{name}', {problem.label(0)} changes by {change}")
@@ -97,7 +97,7 @@ def _at_sizes(result: Optimum) -> Mask:
 
 def designs_figure(result: Optimum) -> Figure:
     """The best objective over the designs that were run, and the objective of all designs over each variable."""
-    from bellcrank.plot_style import colour, literal, new_figure, plain
+    from bellcrank.present.plot_style import colour, literal, new_figure, plain
 
     problem = result.problem
     shown = problem.variables[:MOST_SHOWN]

@@ -13,9 +13,9 @@ from bellcrank import arguments
 from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import check_folder
-from bellcrank.files.csv_files import csv_text
-from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 from bellcrank.studies.optimisation.local_search import KEPT
 from bellcrank.studies.optimisation.optimum import Optimum
 
@@ -40,7 +40,7 @@ def dominates(known: Array, values: Array) -> Mask:
 
 
 @dataclass(frozen=True, eq=False)
-class ParetoFront(WithJson, WithCsv):
+class ParetoFront(Result):
     """The result of `pareto_front`.
 
     `to_csv` writes a row for each design: its number, objectives, variables and status.
@@ -143,10 +143,7 @@ class ParetoFront(WithJson, WithCsv):
             design
         """
         cells = [[f"{it:.6g}" if isinstance(it, float) else str(it) for it in row] for row in self._rows()]
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = ["  ".join(f"{it:>{width}}" for it, width in zip(row[:-1], widths, strict=False)) for row in cells]
-        lines = [f"{line}  {row[-1]}" for line, row in zip(lines, cells, strict=True)]
-        return "\n".join([*lines, f"{self.problem.count} designs were run"])
+        return "\n".join([*aligned(cells, (len(cells[0]) - 1,)), f"{self.problem.count} designs were run"])
 
     def as_dict(self) -> dict[str, Any]:
         """The front as data for JSON.
@@ -180,11 +177,8 @@ class ParetoFront(WithJson, WithCsv):
             "left_out": self.left_out,
             "designs": designs,
             "designs_run": self.problem.count,
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
-
-    def _csv_text(self) -> str:
-        return csv_text(self._rows())
 
     def write_configs(self, folder: str | Path) -> tuple[Path, ...]:
         """Write each design as a scene file: design_1.yaml, design_2.yaml, and so on, in the order of `designs`.
@@ -239,13 +233,13 @@ class ParetoFront(WithJson, WithCsv):
             >>> len(front.plot().axes)
             1
         """
-        from bellcrank.plot_style import write_figure
+        from bellcrank.present.plot_style import write_figure
 
         target = arguments.picture(path)
         return write_figure(self._figure(), target)
 
     def _figure(self) -> Figure:
-        from bellcrank.plot_style import colour, literal, new_figure, plain
+        from bellcrank.present.plot_style import colour, literal, new_figure, plain
 
         problem, count = self.problem, len(self.objectives) - 1
         figure = new_figure(5.0 * count, 4.0)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +14,14 @@ from bellcrank import arguments
 from bellcrank.cached_values import Portable
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
+from bellcrank.present.tables import ruled
 from bellcrank.studies.designs.samples import Sample
 from bellcrank.studies.results.exceedance import Exceedance, exceedance, parse_limit
 from bellcrank.studies.results.intervals import SampleLayout
 from bellcrank.studies.results.study_columns import StudyColumns
-from bellcrank.studies.results.tolerance import LEVELS, MeasureDistribution, measure_distribution
+from bellcrank.studies.results.tolerance import LEVELS, Estimate, MeasureDistribution, measure_distribution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +30,7 @@ TABLE_LEVELS = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SampleStatistics(Portable):
+class SampleStatistics(Portable, Result):
     """The distribution of each measure over the designs of a sample, and probabilities that limits are exceeded.
 
     Attributes:
@@ -124,11 +128,52 @@ class SampleStatistics(Portable):
             cells = [str(each) for each in (one.mean, one.deviation, *one.quantiles.values())]
             absent = sum(one.missing.values())
             lines.append([name, one.unit, *cells, f"{one.count}{f' ({absent} without)' if absent else ''}"])
-        widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
-        rows = [
-            "  ".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-        ]
-        return "\n".join([rows[0], "-" * (sum(widths) + 2 * len(widths) - 2), *rows[1:]])
+        return "\n".join(ruled(lines))
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """The measures that not all designs have."""
+        missing = {name: sum(self.distribution(name, ()).missing.values()) for name in self.default_measures}
+        return ranked(f"{name}: {count} designs do not have it" for name, count in missing.items() if count)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The distributions of all measures as data for JSON.
+
+        Returns:
+            Each measure with its unit, its estimates with 95 % intervals, and the designs that have it.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> found = bc.sobol_indices("four_bar", {"crank_length": "normal(1.24 m, 1 mm)"}, n=2)
+            >>> found.statistics.as_dict()["measures"]["lock.time"]["unit"]
+            's'
+        """
+        measures = {}
+        for name in self.units:
+            one = self.distribution(name, TABLE_LEVELS)
+            estimates = self._estimates(one)
+            measures[name] = {"unit": one.unit, "designs": one.count, "missing": dict(one.missing)} | {
+                title: {"value": each.value, "low": each.interval[0], "high": each.interval[1]}
+                for title, each in estimates.items()
+            }
+        return {"title": self.title, "measures": measures, "notes": [note.as_dict() for note in self.notes]}
+
+    def _rows(self) -> list[Sequence[object]]:
+        rows: list[Sequence[object]] = []
+        for name in self.units:
+            one = self.distribution(name, TABLE_LEVELS)
+            estimates = self._estimates(one)
+            if not rows:
+                titles = (f"{title}{part}" for title in estimates for part in ("", " from", " to"))
+                rows.append(["measure", "unit", "designs", *titles])
+            numbers = [number for each in estimates.values() for number in (each.value, *each.interval)]
+            rows.append([name, one.unit, one.count, *(x if math.isfinite(x) else "" for x in numbers)])
+        return rows
+
+    @staticmethod
+    def _estimates(one: MeasureDistribution) -> dict[str, Estimate]:
+        levels = {f"{level:.0%}": each for level, each in one.quantiles.items()}
+        return {"mean": one.mean, "standard deviation": one.deviation, **levels}
 
     def plot(
         self, path: str | Path | None = None, measures: Sequence[str] | None = None, limits: Sequence[str] = ()

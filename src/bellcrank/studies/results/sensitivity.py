@@ -31,9 +31,10 @@ from bellcrank import arguments
 from bellcrank.arrays import Array, Mask
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
-from bellcrank.files.csv_files import csv_text
-from bellcrank.files.results import JsonLayout, WithCsv, WithJson
 from bellcrank.messages import unknown_name
+from bellcrank.notes import Note, ranked
+from bellcrank.present.results import JsonLayout, Result
+from bellcrank.present.tables import ruled
 from bellcrank.studies.designs.axes import StudyAxis
 from bellcrank.studies.designs.samples import SensitivitySample
 from bellcrank.studies.results.exceedance import missing_by_status
@@ -146,11 +147,20 @@ def _estimate(part: Array, variance: Array) -> Estimate:
     return Estimate(value, (value - half, value + half))
 
 
-HEAD = ("measure", "parameter", "first order", "low", "high", "total", "low", "high")
+HEAD = (
+    "measure",
+    "parameter",
+    "first order",
+    "first order low",
+    "first order high",
+    "total",
+    "total low",
+    "total high",
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sensitivity(Portable, WithJson, WithCsv):
+class Sensitivity(Portable, Result):
     """The result of `sobol_indices`.
 
     `to_csv` writes the indices of all measures, one row a measure and parameter, empty where it does not vary.
@@ -240,18 +250,21 @@ class Sensitivity(Portable, WithJson, WithCsv):
             >>> print(found.table(["lock.crank"]).splitlines()[2].split()[:2])
             ['lock.crank', 'crank_length']
         """
-        lines, notes = [["measure", "parameter", "first order", "total"]], []
-        for name in self._measures(measures):
+        lines = [["measure", "parameter", "first order", "total"]]
+        names = self._measures(measures)
+        for name in names:
             found = self.indices(name)
             for path, first, total in zip(found.parameters, found.first, found.total, strict=True):
                 lines.append([name, path, index_text(first), index_text(total)])
-            if found.left_out:
-                notes.append(left_out_text(found))
-        widths = [max(len(line[k]) for line in lines) for k in range(4)]
-        rows = [
-            "  ".join(f"{cell:<{width}}" for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-        ]
-        return "\n".join([rows[0], "-" * (sum(widths) + 6), *rows[1:], *notes])
+        return "\n".join([*ruled(lines), *self._left_out(names)])
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """The measures that not all designs have, whose indices are approximate."""
+        return ranked(self._left_out(self.statistics.default_measures))
+
+    def _left_out(self, measures: Sequence[str]) -> list[str]:
+        return [left_out_text(found) for found in map(self.indices, measures) if found.left_out]
 
     def as_dict(self) -> dict[str, Any]:
         """The indices of all measures, the sample and the numbers of failed designs as data for JSON.
@@ -274,7 +287,7 @@ class Sensitivity(Portable, WithJson, WithCsv):
             "indices": {name: _plain(self.indices(name)) for name in self.units},
         }
 
-    def _csv_text(self) -> str:
+    def _rows(self) -> list[Sequence[object]]:
         rows: list[Sequence[object]] = [HEAD]
         for name in self.units:
             found = self.indices(name)
@@ -282,7 +295,7 @@ class Sensitivity(Portable, WithJson, WithCsv):
                 numbers = [(each.value, *each.interval) for each in (first, total)]
                 cells = [float(number) if math.isfinite(number) else "" for part in numbers for number in part]
                 rows.append([name, parameter, *cells])
-        return csv_text(rows)
+        return rows
 
     def plot(self, path: str | Path | None = None, measures: Sequence[str] | None = None) -> Figure:
         """Draw the indices as bars with their intervals, the most influential parameter on top.

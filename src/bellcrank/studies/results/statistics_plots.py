@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.plot_style import PALETTE, literal, new_figure, plain, write_figure
+from bellcrank.present.plot_style import PALETTE, literal, new_figure, plain, write_figure
 from bellcrank.studies.results.tolerance import histogram
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,20 @@ from bellcrank.cached_values import Portable, cached_property
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note, reached
+from bellcrank.present.results import JsonLayout, Result
 from bellcrank.scene.scene import Scene
 from bellcrank.studies.designs.axes import StudyAxis
 from bellcrank.studies.designs.design_space import DesignSpace
 from bellcrank.studies.results.study_columns import Design, DesignRows, StudyColumns, varies
 from bellcrank.studies.results.sweep_plot import plot_sweep
-from bellcrank.studies.results.sweep_tables import text_table, write_csv, write_json, write_npz, write_parquet
+from bellcrank.studies.results.sweep_tables import (
+    design_rows,
+    sweep_data,
+    text_table,
+    write_csv,
+    write_npz,
+    write_parquet,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep(Portable):
+class Sweep(Portable, Result):
     """The result of `sweep`: designs over the grid of all combinations of values (the last axis fastest) or a sample.
 
     Attributes:
@@ -63,6 +71,7 @@ class Sweep(Portable):
     notes: tuple[Note, ...] = field(default=(), repr=False)
     sized: bool = field(default=False, repr=False)
     timed: bool = field(default=False, repr=False)
+    json_layout: ClassVar = JsonLayout(1)
 
     def __repr__(self) -> str:
         axes = ", ".join(axis.path for axis in self.axes)
@@ -253,26 +262,21 @@ class Sweep(Portable):
         """
         return write_csv(self, arguments.path("path", path, "the path of a file"))
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write axes, units and designs as JSON.
-
-        Args:
-            path: The file, which is replaced in one step.
+    def as_dict(self) -> dict[str, Any]:
+        """Axes, units and designs as data for JSON.
 
         Returns:
-            The path of the file. Numbers that are not finite are null.
-
-        Raises:
-            InputError: The file cannot be written.
+            Each design with its values, status, reason and measures.
 
         Example:
-            >>> import bellcrank as bc, json, pathlib, tempfile
-            >>> result = bc.sweep("four_bar", {"crank_length": [1.22, 1.24]})
-            >>> path = result.to_json(pathlib.Path(tempfile.mkdtemp()) / "sweep.json")
-            >>> list(json.loads(path.read_text()))
+            >>> import bellcrank as bc
+            >>> list(bc.sweep("four_bar", {"crank_length": [1.22, 1.24]}).as_dict())
             ['scene', 'source', 'complete', 'axes', 'units', 'notes', 'designs']
         """
-        return write_json(self, arguments.path("path", path, "the path of a file"))
+        return sweep_data(self)
+
+    def _rows(self) -> list[Sequence[object]]:
+        return design_rows(self)
 
     def to_parquet(self, path: str | Path) -> Path:
         """Write one row a design as an Apache Parquet file, with the columns of `to_csv`: for very many designs.

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from bellcrank._step import csv_rows
 from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
-from bellcrank.files.atomic_write import write_text, writing
+from bellcrank.files.atomic_write import writing
 from bellcrank.files.csv_files import guarded
 from bellcrank.messages import readable, utf8
+from bellcrank.present.tables import aligned
 from bellcrank.simulation.files.save_run import write_archive
 from bellcrank.studies.execution.run_outcomes import UNKNOWN
 from bellcrank.version import version
@@ -85,14 +86,7 @@ def _figure(value: float, status: str) -> str:
 def _aligned(lines: list[list[str]], texts: int) -> list[str]:
     """Lines of cells in columns, the last `texts` of them to the left, with a rule below the first line."""
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    right = len(widths) - texts
-    made = []
-    for line in lines:
-        cells = [
-            f"{cell:>{w}}" if k < right else f"{cell:<{w}}"
-            for k, (cell, w) in enumerate(zip(line, widths, strict=True))
-        ]
-        made.append("  ".join(cells).rstrip())
+    made = aligned(lines, range(len(widths) - texts, len(widths)))
     rule = "-" * (sum(widths[:-1]) + 2 * len(widths) - 4)
     return [made[0], rule, *made[1:]]
 
@@ -112,13 +106,7 @@ def _summary(sweep: Sweep, measures: Sequence[str]) -> list[str]:
     table = [["measure", "designs", "least", "median", "mean", "largest", "least at", "largest at"]]
     for name, label in zip(measures, _labels(sweep, measures), strict=True):
         table.append([label, *_distribution(sweep, sweep.column(name))])
-    widths = [max(len(line[k]) for line in table) for k in range(8)]
-    for line in table:
-        cells = [f"{line[0]:<{widths[0]}}"]
-        cells += [f"{cell:>{width}}" for cell, width in zip(line[1:6], widths[1:6], strict=True)]
-        cells += [f"{cell:<{width}}" for cell, width in zip(line[6:], widths[6:], strict=True)]
-        lines.append("  ".join(cells).rstrip())
-    return lines
+    return lines + aligned(table, (0, 6, 7))
 
 
 def _distribution(sweep: Sweep, values: Array) -> list[str]:
@@ -207,29 +195,39 @@ def _quoted(value: object) -> str:
     return readable(text.getvalue()[:-1])
 
 
-def write_json(sweep: Sweep, path: str | Path) -> Path:
-    """Write axes, units, and designs with their measures; numbers that are not finite are null."""
+def design_rows(sweep: Sweep) -> list[Sequence[object]]:
+    """The rows that `write_csv` writes, first the header."""
+    rows: list[Sequence[object]] = [
+        [*(axis.label for axis in sweep.axes), "status", *_labels(sweep, sweep.units), "reason"]
+    ]
+    for design, numbers in zip(sweep.designs, sweep.values.tolist(), strict=True):
+        measures = [x if math.isfinite(x := design.measures.get(name, math.nan)) else "" for name in sweep.units]
+        shown = [axis.shown(number) for axis, number in zip(sweep.axes, numbers, strict=True)]
+        rows.append([*shown, design.status, *measures, design.reason])
+    return rows
+
+
+def sweep_data(sweep: Sweep) -> dict[str, Any]:
+    """Axes, units, and designs with their measures."""
     values = sweep.values.tolist()
-    document = {
+    return {
         "scene": sweep.scene.name,
         "source": sweep.scene.source.name,
         "complete": sweep.complete,
         "axes": _axes(sweep, values=True),
         **({"sample": sweep.space.sample.identity} if sweep.space.sample is not None else {}),
         "units": dict(sweep.units),
-        "notes": [note.to_dict() for note in sweep.notes],
+        "notes": [note.as_dict() for note in sweep.notes],
         "designs": [
             {
                 "values": [axis.shown(number) for axis, number in zip(sweep.axes, numbers, strict=True)],
                 "status": design.status,
                 "reason": design.reason,
-                "measures": {k: v if math.isfinite(v) else None for k, v in design.measures.items()},
+                "measures": dict(design.measures),
             }
             for design, numbers in zip(sweep.designs, values, strict=True)
         ],
     }
-    write_text(path, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    return Path(path)
 
 
 def write_parquet(sweep: Sweep, path: str | Path) -> Path:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from bellcrank.errors import InputError
-from bellcrank.files.csv_files import csv_text
-from bellcrank.files.results import WithCsv, WithJson
 from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 from bellcrank.scene.scene import Scene, load_scene
 from bellcrank.sizing.selection.selection import Selection
 from bellcrank.studies.designs.axes import StudyAxis
@@ -87,7 +87,7 @@ class Inside:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignSelection(WithJson, WithCsv):
+class DesignSelection(Result):
     """The result of `select_designs`.
 
     `to_csv` writes a row for each design.
@@ -193,8 +193,7 @@ class DesignSelection(WithJson, WithCsv):
         for row in ordered[:SHOWN]:
             cells = self._cells(row)[:-TEXTS]
             lines.append([f"{it:.5g}" if isinstance(it, float) else str(it) for it in cells])
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        text = ["  ".join(f"{it:<{width}}" for it, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+        text = aligned(lines)
         if len(ordered) > SHOWN:
             text.append(f"and {len(ordered) - SHOWN} more designs")
         gap = f"{self.gap:.4g}" if math.isfinite(self.gap) else "not known"
@@ -229,7 +228,7 @@ class DesignSelection(WithJson, WithCsv):
             "gap": self.gap if math.isfinite(self.gap) else None,
             "ranges": self._inside_data(),
             "designs": [{name: None if value == "" else value for name, value in row.items()} for row in rows],
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
 
     def _inside_data(self) -> dict[str, Any] | None:
@@ -239,9 +238,8 @@ class DesignSelection(WithJson, WithCsv):
         use = one.nearest_use if math.isfinite(one.nearest_use) else None
         return {"sampled": one.sampled, "searched": one.searched, "nearest": list(one.nearest), "nearest_use": use}
 
-    def _csv_text(self) -> str:
-        rows: list[Sequence[object]] = [[*(axis.label for axis in self.axes), *HEAD]]
-        return csv_text([*rows, *map(self._cells, self.rows)])
+    def _rows(self) -> list[Sequence[object]]:
+        return [[*(axis.label for axis in self.axes), *HEAD], *map(self._cells, self.rows)]
 
     def write_config(self, path: str | Path) -> Path:
         """Write the robot configuration with the best sizes and the chosen motors and gears (`Selection.write_config`).

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bellcrank.arrays import Array
-from bellcrank.plot_style import colour, plain
+from bellcrank.present.plot_style import colour, plain
 from bellcrank.studies.synthesis.linkage import FourBar, SixBar, SliderCrank
 
 if TYPE_CHECKING:

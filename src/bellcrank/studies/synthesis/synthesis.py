@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +15,9 @@ from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.atomic_write import write_text
-from bellcrank.files.csv_files import write_table
-from bellcrank.files.results import WithJson
 from bellcrank.notes import Note, ranked
+from bellcrank.present.results import Result
+from bellcrank.present.tables import aligned
 from bellcrank.studies.synthesis.linkage import WORDS, FourBar, SliderCrank
 from bellcrank.studies.synthesis.scene_files import file_texts
 
@@ -32,7 +33,7 @@ LOW = math.radians(20.0)  # a transmission angle below which friction may jam a 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Synthesis(WithJson):
+class Synthesis(Result):
     """The result of `synthesise`: linkages that are local optima, the best first.
 
     Attributes:
@@ -200,15 +201,14 @@ class Synthesis(WithJson):
             >>> print(found.table().split("  ")[0])
             RMS distance [m]
         """
-        lines: list[str] = []
+        lines: list[list[str]] = []
         for k, each in enumerate(self.linkages):
             row = self._errors(k) | {f"{name} [m]": value for name, value in each.lengths.items()}
             row["transmission [deg]"] = math.degrees(each.transmission_angle)
             if not lines:
-                lines.append("  ".join(row))
-            cells = (f"{value:.6g}" for value in row.values())
-            lines.append("  ".join(f"{cell:>{len(title)}}" for cell, title in zip(cells, row, strict=True)))
-        return "\n".join(lines)
+                lines.append(list(row))
+            lines.append([f"{value:.6g}" for value in row.values()])
+        return "\n".join(aligned(lines, ()))
 
     def _errors(self, place: int) -> dict[str, float]:
         """How far a linkage is off, by the titles of columns."""
@@ -253,27 +253,10 @@ class Synthesis(WithJson):
                 | {"turns_fully": each.turns_fully}
                 for each in self.linkages
             ],
-            "notes": [note.to_dict() for note in self.notes],
+            "notes": [note.as_dict() for note in self.notes],
         }
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write what is given, the crank angles of the best linkage, and its coupler points or outputs as CSV.
-
-        Args:
-            path: The file, which is replaced in one step.
-
-        Returns:
-            Its path. The header names units.
-
-        Raises:
-            InputError: The file cannot be written.
-
-        Example:
-            >>> import bellcrank as bc, pathlib, tempfile
-            >>> found = bc.synthesise("four_bar", [(0, 0), (1, 0.2), (1.5, 1), (1, 1.5), (0, 1)], "72 deg")
-            >>> found.to_csv(pathlib.Path(tempfile.mkdtemp()) / "points.csv").read_text().split(",")[0]
-            'x [m]'
-        """
+    def _rows(self) -> list[Sequence[object]]:
         best = self.best
         if self.function is not None:
             name, unit = ("slider", "m") if self.linkage == "slider_crank" else ("rocker", "rad")
@@ -286,7 +269,7 @@ class Synthesis(WithJson):
         if self.directions is not None:
             labels += [("coupler", "rad"), ("coupler turn", "rad")]
             rows = np.c_[rows, self.directions, np.unwrap(np.angle(best.directions(best.angles)))]
-        return write_table(arguments.path("path", path, "the path of a file"), labels, [rows])
+        return [[f"{name} [{unit}]" for name, unit in labels], *rows.tolist()]
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the best linkage at the first point, the curve of its coupler point, and the given points; or its output
@@ -307,7 +290,7 @@ class Synthesis(WithJson):
             >>> len(found.plot().axes)
             1
         """
-        from bellcrank.plot_style import new_figure, write_figure
+        from bellcrank.present.plot_style import new_figure, write_figure
         from bellcrank.studies.synthesis.linkage_plot import draw_function, draw_linkage
 
         figure = new_figure(10.0 if self.function is not None else 6.0, 5.0)

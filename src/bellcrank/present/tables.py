@@ -7,8 +7,6 @@ from collections.abc import Collection, Sequence
 from html import escape
 from typing import NamedTuple
 
-from bellcrank.notes import Note
-
 WIDTH = 100  # characters of a line of the terminal
 
 
@@ -25,28 +23,31 @@ class TableContent(NamedTuple):
         return cls(list(titles), [list(row) for row in zip(*cells, strict=True)])
 
 
+def aligned(lines: Sequence[Sequence[str]], left: Collection[int] | None = None) -> list[str]:
+    """Lines of cells in columns. The columns `left` (None: all) are flush left, the others flush right."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    sides = ["<" if left is None or k in left else ">" for k in range(len(widths))]
+    made = [[f"{c:{side}{width}}" for c, side, width in zip(line, sides, widths, strict=True)] for line in lines]
+    return ["  ".join(cells).rstrip() for cells in made]
+
+
+def ruled(lines: Sequence[Sequence[str]], left: Collection[int] | None = None, heads: int = 1) -> list[str]:
+    """Aligned lines with a rule below the first `heads` of them."""
+    made = aligned(lines, left)
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return [*made[:heads], "-" * (sum(widths) + 2 * len(widths) - 2), *made[heads:]]
+
+
 def text_table(content: TableContent, texts: Collection[int] | None = None) -> str:
     """Columns under headers of one or two lines.
 
     Columns of texts, by default the first and the last, are flush left, the others flush right.
     """
-    header, rows = content
-    left = (0, len(header) - 1) if texts is None else texts
-    titles = [title.split("\n") for title in header]
+    titles = [title.split("\n") for title in content.header]
     depth = max(map(len, titles))
     heads = [[title[k] if k < len(title) else "" for title in titles] for k in range(depth)]
-    lines = [*heads, *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-
-    def written(line: Sequence[str]) -> str:
-        cells = [
-            cell.ljust(width) if k in left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ]
-        return "  ".join(cells).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * len(widths) - 2)
-    return "\n".join([*map(written, heads), rule, *map(written, rows)])
+    left = (0, len(titles) - 1) if texts is None else texts
+    return "\n".join(ruled([*heads, *content.rows], left, depth))
 
 
 def html_table(title: str, content: TableContent) -> str:
@@ -73,34 +74,6 @@ def counted(count: int, one: str, many: str = "") -> str:
     return f"{count} {one if count == 1 else many or one + 's'}"
 
 
-# ---- Parts of a verdict: a title, and its texts below; nothing where there is no text.
-
-
 def listed(title: str, texts: Sequence[str], wrap: bool = True) -> list[str]:
-    """Texts below a title."""
+    """Texts below a title; nothing where there is no text."""
     return [title, *(wrapped(text, "  - ", "    ") if wrap else f"  - {text}" for text in texts)] if texts else []
-
-
-def exceeded_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
-    """The limits that are exceeded."""
-    return listed(f"EXCEEDED: {counted(len(texts), 'limit')}", texts, wrap)
-
-
-def not_verified(texts: Sequence[str], wrap: bool = True) -> list[str]:
-    """The motors of which a main criterion is unknown."""
-    return listed(f"Not verified: {counted(len(texts), 'motor')} may be far too weak or too slow", texts, wrap)
-
-
-def undetermined_lines(texts: Sequence[str], wrap: bool = True) -> list[str]:
-    """What is not known, by its reason: what a robot's file says and is not modelled, and the rows of motions."""
-    omitted = [text for text in texts if isinstance(text, Note)]
-    peaks = [text for text in texts if not isinstance(text, Note)]
-    return [
-        *listed("Not known: what the robot's file says, acts along the motions, and is not modelled", omitted, wrap),
-        *listed("Not known: peaks that the rows of a motion do not determine", peaks, wrap),
-    ]
-
-
-def unknown_limits(texts: Sequence[str], wrap: bool = True) -> list[str]:
-    """What could not be compared."""
-    return listed("Unknown, because what they need is not stated:", texts, wrap)

@@ -1,0 +1,1 @@
+"""Results before the eyes: tables as text, CSV and JSON, and the style of plots."""
