@@ -59,6 +59,10 @@ MADE_BY = {
     "DesignSelection": "select_designs",
     "Synthesis": "synthesise",
 }
+# The methods that all results have.
+RESULT_METHODS: dict[str, dict[str, Any]] = {
+    "table": {}, "as_dict": {}, "to_csv": {"path": "r.csv"}, "to_json": {"path": "r.json"}, "to_pandas": {},
+}  # fmt: skip
 ERRORS = ("BellcrankError", "InputError", "NotSavedError", "UnreachableError", "CompileError")
 # What a message may call an argument, besides its own name.
 WORDS = {
@@ -293,7 +297,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         kind = type(thing).__name__
         return {f"{kind}.{name}": (getattr(thing, name), arguments) for name, arguments in methods.items()}
 
-    return {
+    made: dict[str, tuple[Any, dict[str, Any]]] = {
         "load_robot": (bc.load_robot, {
             "path": "planar_2r", "gravity": (0, -9.81, 0), "floating_base": False, "friction": "urdf",
             "payloads": [payload], "rotor_inertia": {"elbow": 0.1},
@@ -345,10 +349,8 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "repeated_cycle": (bc.repeated_cycle, {
             "robot": robot, "motion": motion, "limit": "rms", "by": "pause", "actuators": {"shoulder": actuator},
             "payloads": [payload], "overrides": None, "trust": []}),
-        **of(bc.repeated_cycle("geared_pendulum", "lift_and_return"), as_dict={}, table={}, to_json={"path": "c.json"}),
-        **of(fast, as_dict={}, table={}, to_csv={"path": "f.csv"},
-             plot={"path": "f.png"}, to_json={"path": "f.json"}),
-        **of(factor, table={}, plot={"path": "k.png"}, scaled={"factor": 0.5}),
+        **of(fast, plot={"path": "f.png"}),
+        **of(factor, plot={"path": "k.png"}, scaled={"factor": 0.5}),
         **of(joint_path, at={"s": [0.1, 0.2]}, turning_points={}),
         **of(bc.MotionLimits(), of_joints={"key": "speed", "robot": robot}),
         "load_scene": (bc.load_scene, {"path_or_name": "pendulum", "overrides": {"simulate.rtol": 1e-6},
@@ -381,14 +383,14 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "overrides": {"simulate.duration": 0.01}, "progress": None, "workers": None, "scheduler": None,
             "folder": None}),
         "optimise": (bc.optimise, near),
-        **of(best, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
+        **of(best, plot={"path": None},
              write_config={"path": "o.yaml"}),
         "pareto_front": (bc.pareto_front, between),
-        **of(front, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "o.json"}, plot={"path": None},
+        **of(front, plot={"path": None},
              write_configs={"folder": "front"}),
         "synthesise": (bc.synthesise, corners),
         **of(outputs, output_differences={"linkage": 0}),
-        **of(linkages, table={}, as_dict={}, to_csv={"path": "p.csv"}, to_json={"path": "l.json"}, plot={"path": None},
+        **of(linkages, plot={"path": None},
              write_config={"path": "l.yaml"}),
         "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
@@ -398,15 +400,14 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
         "linearise": (bc.linearise, {
             "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
-        **of(linear, to_control={}, table={}, mode_rows={}),
-        **of(linear, to_json={"path": "modes.json"}, to_mat={"path": "modes.mat"}, as_dict={}),
+        **of(linear, to_control={}, mode_rows={}, plot={"path": None}),
+        **of(linear, to_mat={"path": "modes.mat"}),
         **of(linear.modes[0], as_dict={}),
         "root_loci": (bc.root_loci, {
             "scene": pendulum, "parameter": "initial.swing", "values": [0.1], "at": "equilibrium",
             "progress": lambda done, of: None}),
-        **of(loci, plot={"path": "loci.png"}, to_csv={"path": "loci.csv"}, as_dict={}),
+        **of(loci, plot={"path": "loci.png"}),
         "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0}),
-        **of(periodic, table={}, as_dict={}),
         "mobility": (bc.mobility, {"scene": four_bar}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "over": motion, "trace": ["tip"],
@@ -444,8 +445,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         "verify_selection": (bc.verify_selection, {"scene": "manutec_axis", "motions": ["turn"], "settle": 0.1,
                                                    "frame": "load", "limits": {"tool_error": 1.0}, "sample_time": 1e-3,
                                                    "overrides": None, "trust": [], "progress": print}),
-        **of(followed, table={}, as_dict={}, to_json={"path": "v.json"}),
-        **of(verdicts, of={"axis": "shoulder"}, as_dict={}, to_json={"path": "j.json"}),
+        **of(verdicts, of={"axis": "shoulder"}),
         **of(actuator, available_torque={"speed": v}, curve_use={"torque": v, "speed": a},
              limit_uses={"torque": v, "speed": a}, under={"conditions": bc.Conditions(safety_factor=1.5)},
              electrical_power={"shaft_power": v}, shaft_torque={"load_torque": q, "velocity": v, "acceleration": a}),
@@ -471,7 +471,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
             "allow_massless": (), "simulated_limits": {"settling_time": 100.0},
             "overrides": {"payloads": []}, "trust": ()}),
         "select_designs": (bc.select_designs, chosen_designs),
-        **of(designs, table={}, as_dict={}, to_csv={"path": "d.csv"}, to_json={"path": "d.json"},
+        **of(designs,
              write_config={"path": "best_design.yaml"}),
         **of(shipped, filtered={"makers": ["maxon"], "kinds": (), "voltage": None, "exclude": ()},
              gear={"name": "apex_af042_50"}, motor={"name": "maxon_607930"}, only={"ids": ["maxon_607930"]},
@@ -480,12 +480,11 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              updated={"given": {"ambient": 30.0}, "source": "given"}),
         **of(belt, motor_speeds={"joint_speeds": [1.0]}, motor_torques={"joint_torques": [1.0]}),
         **of(selection, axis={"name": "shoulder"}, plot={"path": None, "what": None},
-             stated={"candidate": selection.axes[0].chosen}, as_dict={}, to_csv={"path": "c.csv"},
-             to_json={"path": "c.json"}, write_config={"path": "c.yaml"}),
+             stated={"candidate": selection.axes[0].chosen},
+             write_config={"path": "c.yaml"}),
         **of(sized, sensitivities={"names": ["crank_length"]}),
         **of(sized.sensitivities(["crank_length"])[0], joint={"name": "crank"}),
-        **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"},
-             as_dict={}, to_csv={"path": "s.csv"}, to_json={"path": "s.json"}),
+        **of(sizing, joint={"name": "elbow"}, plot={"path": None, "what": "time", "motion": "waypoints"}),
         **of(four_bar, motion={"name": "unfold"}, physics_key={}, replaced_friction={},
              signals_at={"times": np.array([0.1, 0.2])},
              with_constraint={"function": lambda s: s.q[0], "name": "own", "unit": "rad"},
@@ -496,17 +495,15 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              plot={"path": None, "frame": "P1"}, part={"rows": slice(0, 1)}, parts={},
              remember_estimate={"value": 1e-9, "known_until": 2.0}, remember_origin={"file": "r.npz"},
              remember_sensitivities={"known": run.computed_sensitivities}, sensitivity={"name": "initial.swing"},
-             save={"path": "r.npz"}, summary={},
+             save={"path": "r.npz"},
              to_csv={"path": "r.csv", "progress": None}, velocity_residual={}),
         **of(sticking, stuck={"joint": "swing"}, at_stop={"joint": "swing"}, impacts={"joint": "swing"}),
-        **of(locking, event={"name": "lock", "occurrence": 0}, output={"name": "energy"}, per={"unit": "m"},
-             to_csv={"path": "s.csv"}),
+        **of(locking, event={"name": "lock", "occurrence": 0}, output={"name": "energy"}, per={"unit": "m"}),
         **of(swept, column={"measure": "end.time"}, grid={"measure": "end.time"},
-             plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]}, to_csv={"path": "w.csv"},
-             to_parquet={"path": "w.parquet"}, to_npz={"path": "w.npz"},
-             to_json={"path": "w.json"}),
+             plot={"path": None, "measures": ["end.time"]}, table={"measures": ["end.time"]},
+             to_parquet={"path": "w.parquet"}, to_npz={"path": "w.npz"}),
         **of(found, indices={"measure": "end.time"}, plot={"path": None, "measures": ["end.time"]},
-             table={"measures": ["end.time"]}, as_dict={}, to_csv={"path": "i.csv"}, to_json={"path": "i.json"}),
+             table={"measures": ["end.time"]}),
         **of(found.statistics, distribution={"measure": "end.time", "levels": (0.5,)},
              exceedance={"limit": "end.time > 1 s"}, table={"measures": ["end.time"]},
              plot={"path": None, "measures": ["end.time"], "limits": ["end.time > 1 s"]}),
@@ -517,6 +514,15 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
              motion={"motion": "unfold"}, reactions=closed_states, residuals=closed_states, torques=closed_states),
         **of(inverse, constraint_residual={}, equation_residual={}, motor={"name": "swing"}),
     }  # fmt: skip
+    results = (
+        run, locking, sizing, sized.sensitivities(["crank_length"])[0], verdicts, followed, selection, swept, found,
+        found.statistics, best, front, designs, linkages, linear, loci, periodic, fast, factor,
+        bc.repeated_cycle("geared_pendulum", "lift_and_return"), bc.mobility(four_bar),
+    )  # fmt: skip
+    for result in results:
+        for name, arguments in RESULT_METHODS.items():
+            made.setdefault(f"{type(result).__name__}.{name}", (getattr(result, name), arguments))
+    return made
 
 
 def public() -> dict[str, Any]:
@@ -525,7 +531,7 @@ def public() -> dict[str, Any]:
     classes = [SceneInverseDynamics, Linkage]
     for name in NAMES:
         thing = public_name(name)
-        if inspect.isclass(thing) and name not in ERRORS:
+        if inspect.isclass(thing) and name not in (*ERRORS, "Result"):
             classes.append(thing)
             if name not in MADE_BY:
                 found[name] = thing

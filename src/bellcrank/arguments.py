@@ -67,9 +67,8 @@ def is_masked(value: object) -> bool:
 
 def refuse(name: str, expected: str, value: object, where: str = "", remedy: str = "") -> NoReturn:
     """Raise the InputError of an argument; `where` is the object that it belongs to, `remedy` what to do."""
-    place = f"{where}: " if where else ""
     ending = f"; {remedy}" if remedy else ""
-    raise InputError(f"{place}argument '{name}': expected {expected}, found {found(value)}{ending}")
+    raise InputError(f"expected {expected}, found {found(value)}{ending}", where, name)
 
 
 def found(value: object) -> str:
@@ -171,9 +170,7 @@ def array(
         expected = f"{_shape(shape).replace('numbers', 'finite numbers')}{f' ({unit})' if unit else ''}"
         if len(shape) > 1:
             expected += " of finite numbers"
-        raise InputError(
-            f"{f'{where}: ' if where else ''}argument '{name}': expected {expected}, found {x[tuple(place)]}{at}"
-        )
+        raise InputError(f"expected {expected}, found {x[tuple(place)]}{at}", where, name)
     return x
 
 
@@ -238,10 +235,7 @@ def increasing(name: str, value: object, unit: str = "", *, count: int = 1, wher
     back = np.flatnonzero(~(np.diff(x) > 0.0))
     if len(back):
         k = int(back[0])
-        place = f"{where}: " if where else ""
-        raise InputError(
-            f"{place}argument '{name}': expected {expected}, found {x[k + 1]:g} after {x[k]:g} (entry {k + 1})"
-        )
+        raise InputError(f"expected {expected}, found {x[k + 1]:g} after {x[k]:g} (entry {k + 1})", where, name)
     return x
 
 
@@ -268,7 +262,7 @@ def one_of(name: str, value: object, options: Iterable[str], *, where: str = "")
     if not isinstance(value, str):
         refuse(name, f"one of {', '.join(map(repr, listed))}", value, where)
     if value not in listed:
-        raise InputError(f"{f'{where}: ' if where else ''}argument '{name}': {unknown_name('choice', value, listed)}")
+        raise InputError(unknown_name("choice", value, listed), where, name)
     return value
 
 

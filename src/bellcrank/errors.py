@@ -28,6 +28,10 @@ class BellcrankError(Exception):
 class InputError(BellcrankError):
     """A file, a key or an argument is not as expected.
 
+    Attributes:
+        reason: The message without the place and the argument.
+        argument: The name of the argument that is refused; empty where it is none.
+
     Example:
         >>> import bellcrank as bc
         >>> try:
@@ -36,6 +40,10 @@ class InputError(BellcrankError):
         ...     print(error)
         argument 'gravity': expected 3 numbers (m/s²), found an array of shape (2,)
     """
+
+    def __init__(self, reason: str = "", place: str = "", argument: str = "") -> None:
+        super().__init__(": ".join(filter(None, (place, argument and f"argument '{argument}'", reason))))
+        self.reason, self.argument = reason, argument
 
 
 class NotSavedError(InputError):

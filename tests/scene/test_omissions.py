@@ -178,10 +178,9 @@ NO_RESULTS = {
     "UnreachableError": "error",
     "PreparedRun": "the runs have them",
     "PreparedSimulation": "the runs have them", "SceneDerivatives": "its scene has the notes",
-    "RootLoci": "its linearisations have them", "Mobility": "counts of equations",
     "EventSensitivity": "part of a Trajectory", "JointSensitivity": "part of a Sizing",
-    "SizingSensitivity": "part of a Sizing", "Slopes": "part of a Trajectory", "LimitCost": "part of a FastestMotion",
-    "Mode": "part of a Linearisation", "SampleStatistics": "part of a Sweep", "Sensitivity": "part of a Sweep",
+    "Result": "the base of those that have them", "Slopes": "part of a Trajectory",
+    "LimitCost": "part of a FastestMotion", "Mode": "part of a Linearisation",
 }  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def _value(fields: Fields, name: str) -> Any:
     try:
         Conditions(**{name: value})
     except InputError as error:
-        raise fields.error(name, str(error).removeprefix(f"conditions: argument '{name}': ")) from None
+        raise fields.error(name, error.reason) from None
     return value
 
 

@@ -19,7 +19,6 @@ from bellcrank.errors import InputError
 if TYPE_CHECKING:
     from bellcrank.config.fields import Fields
 
-_WHERE = "a coupled transmission"
 LARGEST_CONDITION = 1e6  # of the matrix with rows and columns of length 1
 
 
@@ -51,7 +50,7 @@ class CoupledTransmission:
     matrix: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
-        where = _WHERE
+        where = "a coupled transmission"
         for key in ("joints", "motors"):
             names = arguments.several(key, getattr(self, key), str, f"names of {key}", where=where)
             if not names or len(set(names)) != len(names):
@@ -60,11 +59,12 @@ class CoupledTransmission:
         k = len(self.joints)
         if len(self.motors) != k:
             raise InputError(
-                f"{where}: expected as many motors as joints, found {len(self.motors)} motors "
-                f"({', '.join(self.motors)}) and {k} joints ({', '.join(self.joints)})"
+                f"expected as many motors as joints, found {len(self.motors)} motors "
+                f"({', '.join(self.motors)}) and {k} joints ({', '.join(self.joints)})",
+                where,
             )
         if both := set(self.joints) & set(self.motors):
-            raise InputError(f"{where}: '{min(both)}' names a joint and a motor; give the motor another name")
+            raise InputError(f"'{min(both)}' names a joint and a motor; give the motor another name", where)
         matrix = arguments.array("matrix", self.matrix, (k, k), "rad/rad or rad/m", where=where)
         size = np.abs(matrix)
         rows, columns = size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)
@@ -72,12 +72,14 @@ class CoupledTransmission:
             if not largest.all():
                 name = getattr(self, key)[int(np.argmin(largest))]
                 what = f"row of motor '{name}'" if key == "motors" else f"column of joint '{name}'"
-                raise InputError(f"{where}: matrix: the {what} is 0; a matrix with an inverse is required")
+                raise InputError(f"the {what} is 0; a matrix with an inverse is required", where, "matrix")
         if (condition := _condition(matrix)) > LARGEST_CONDITION:
             raise InputError(
-                f"{where}: matrix: a matrix with an accurate inverse is required (condition number up to "
+                f"a matrix with an accurate inverse is required (condition number up to "
                 f"{LARGEST_CONDITION:g} after scaling), found {matrix.tolist()}, whose condition number is "
-                f"{condition:.3g}; its rows or columns are nearly dependent"
+                f"{condition:.3g}; its rows or columns are nearly dependent",
+                where,
+                "matrix",
             )
         object.__setattr__(self, "matrix", tuple(tuple(row) for row in matrix.tolist()))
 
@@ -150,9 +152,7 @@ def transmissions_from_fields(fields: Fields) -> tuple[CoupledTransmission, ...]
         try:
             found.append(CoupledTransmission(names["joints"], names["motors"], matrix))
         except InputError as error:
-            text = str(error).removeprefix(f"{_WHERE}: ")
-            key = next((key for key in ("matrix", "joints") if text.startswith(key)), "motors")
-            raise entry.error(key, text.removeprefix("matrix: ")) from None
+            raise entry.error(error.argument or "motors", error.reason) from None
     try:
         return checked_transmissions(found)
     except InputError as error:

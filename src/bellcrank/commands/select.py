@@ -231,7 +231,9 @@ def run(arguments: argparse.Namespace) -> int:
                 **settings,
             )
     except InputError as error:
-        raise InputError(str(error).replace("argument 'keep'", "--keep", 1)) from None
+        if error.argument != "keep":
+            raise
+        raise InputError(error.reason, "--keep") from None
     if designs is not None:
         print(f"{designs.table()}\n")
         for note in designs.notes:

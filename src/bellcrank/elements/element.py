@@ -264,7 +264,7 @@ def joint_named(read: Fields, key: str, name: str, robot: Robot) -> RobotJoint:
     try:
         return robot.one_degree_joint(name, "a scene's forces, control, start and events")
     except InputError as error:
-        raise read.error(key, str(error).removeprefix(f"{robot.name}: ")) from None
+        raise read.error(key, error.reason) from None
 
 
 def read_joint(read: Fields, robot: Robot, key: str = "joint") -> RobotJoint:

@@ -183,7 +183,7 @@ class SphericalSpring(Force):
         try:
             joint = robot.joint(read.text("joint"))
         except InputError as error:
-            raise read.error("joint", str(error).removeprefix(f"{robot.name}: ")) from None
+            raise read.error("joint", error.reason) from None
         if joint.kind != "spherical":
             raise read.error(
                 "joint",

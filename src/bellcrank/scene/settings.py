@@ -85,7 +85,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not isinstance(self.solver, str) or self.solver not in SOLVERS:
             solver = arguments.text("solver", self.solver, f"one of {', '.join(SOLVERS)}")
-            raise InputError(f"solver: {unknown_name('solver', solver, SOLVERS)}")
+            raise InputError(unknown_name("solver", solver, SOLVERS), argument="solver")
         for name in ("duration", "rtol", "atol", "step", "first_step", "max_step", "error_bound"):
             value = getattr(self, name)
             if value is None and name in ("step", "first_step", "max_step"):
@@ -94,15 +94,16 @@ class Settings:
                 object.__setattr__(self, name, arguments.number(name, value, above=0.0))
         if self.rtol < FINEST_RTOL:
             raise InputError(
-                f"rtol: expected {FINEST_RTOL:g} or more, found {self.rtol:g}; double precision allows no smaller error"
+                f"expected {FINEST_RTOL:g} or more, found {self.rtol:g}; double precision allows no smaller error",
+                argument="rtol",
             )
         if self.rtol > 1.0:
-            raise InputError(f"rtol: expected at most 1, an error as large as the value, found {self.rtol:g}")
+            raise InputError(f"expected at most 1, an error as large as the value, found {self.rtol:g}", argument="rtol")
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
             object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
         if self.solver == "RK4" and self.step is None:
-            raise InputError("step: the solver RK4 requires a fixed step, such as step: 1 ms")
+            raise InputError("the solver RK4 requires a fixed step, such as step: 1 ms", argument="step")
 
 
 def read_settings(read: Fields) -> Settings:
@@ -126,8 +127,7 @@ def read_settings(read: Fields) -> Settings:
     try:
         return Settings(**values)
     except InputError as error:
-        key, _, text = str(error).removeprefix("argument ").partition(": ")
-        raise read.error(key.strip("'"), text) from None
+        raise read.error(error.argument, error.reason) from None
 
 
 def check_rows(samples: int, width: int, copies: float = 1.25) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from bellcrank.studies.execution.sizing_runner import SizingRunner
 MOST_TRIED = 64  # values of an axis that are tried before a sweep: all of them, or as many with equal spacing
 Checking = Callable[[float, float | None], object]
 Planner = Callable[[Scene, Mapping[str, Any] | None, "SampleRequest | None", Checking | None], "SweepPlan"]
+SWEEP = "sweep over"  # with which messages about a path begin
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +54,23 @@ class SampleRequest:
     sobol: int | None = None
 
 
-def planner(where: str, *, size: bool, fastest: bool) -> Planner:
-    """What plans designs that are sized, timed along their fastest motions, or else simulated. Raises InputError."""
+def planner(where: str, *, size: bool, fastest: bool, place: str = SWEEP) -> Planner:
+    """What plans designs that are sized, timed along their fastest motions, or else simulated. Raises InputError.
+
+    Messages begin with `where`, those about a path with `place`.
+    """
     if size and fastest:
         raise InputError(f"{where}: expected designs to be sized or timed (fastest), found both; leave one out")
-    return plan_sizings if size else plan_fastest if fastest else plan_sweep
+    plan = plan_sizings if size else plan_fastest if fastest else plan_sweep
+    return partial(plan, place=place)
 
 
 def plan_sweep(
-    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
+    scene: Scene,
+    vary: Mapping[str, Any] | None,
+    sample: SampleRequest | None,
+    checking: Checking | None = None,
+    place: str = SWEEP,
 ) -> SweepPlan:
     """The simulations of a sweep; what is None is taken from the scene's study.
 
@@ -68,21 +78,25 @@ def plan_sweep(
 
     Raises InputError for a path that does not exist, accepts none of its values or changes the equations.
     """
-    axes = _axes(scene, vary, lambda path: None)
+    axes = _axes(scene, vary, lambda path: None, place)
     of_tree = {
         axis.path: present_value(scene, axis.path) for axis in axes if axis.numeric and is_of_the_tree(axis.path)
     }
     if of_tree:
         scene = scene.with_overrides(of_tree)  # declares parameters, which are inputs of the equations
-    _refuse_repeated(scene, axes)
+    _refuse_repeated(scene, axes, place)
     space = _space(scene, axes, sample)
     for axis in axes:
-        _check(scene, axis, checking)
+        _check(scene, axis, checking, place)
     return SweepPlan(scene, space, SimulationRunner(scene, axes), ranked(file_notes(scene)))
 
 
 def plan_sizings(
-    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
+    scene: Scene,
+    vary: Mapping[str, Any] | None,
+    sample: SampleRequest | None,
+    checking: Checking | None = None,
+    place: str = SWEEP,
 ) -> SweepPlan:
     """The sizings of a sweep; what is None is taken from the scene's study.
 
@@ -90,34 +104,40 @@ def plan_sizings(
 
     Raises InputError for a path that does not exist or accepts none of its values.
     """
-    axes = axes_of_sizings(scene, vary)
+    axes = axes_of_sizings(scene, vary, place)
     space = _space(scene, axes, sample)
     runner = SizingRunner(scene, axes)
     for axis, change in zip(axes, runner.changes, strict=True):
         if change.kind == "override":
-            _check(scene, axis, checking, equations=False)
+            _check(scene, axis, checking, place, equations=False)
     return SweepPlan(scene, space, runner, runner.notes)
 
 
 def plan_fastest(
-    scene: Scene, vary: Mapping[str, Any] | None, sample: SampleRequest | None, checking: Checking | None = None
+    scene: Scene,
+    vary: Mapping[str, Any] | None,
+    sample: SampleRequest | None,
+    checking: Checking | None = None,
+    place: str = SWEEP,
 ) -> SweepPlan:
     """The fastest motions of a sweep; as `plan_sizings`."""
-    axes = axes_of_sizings(scene, vary)
+    axes = axes_of_sizings(scene, vary, place)
     space, runner = _space(scene, axes, sample), FastestRunner(scene, axes)
     for axis in axes:
-        _check(runner.scene, axis, checking, equations=False)
+        _check(runner.scene, axis, checking, place, equations=False)
     return SweepPlan(scene, space, runner, runner.notes)
 
 
-def axes_of_sizings(scene: Scene, vary: Mapping[str, Any] | None) -> tuple[StudyAxis, ...]:
+def axes_of_sizings(scene: Scene, vary: Mapping[str, Any] | None, place: str = SWEEP) -> tuple[StudyAxis, ...]:
     """What sizings vary; None: as the scene's study says. Raises InputError."""
-    axes = _axes(scene, vary, lambda path: unit_of(scene, path))
-    _refuse_repeated(scene, axes)
+    axes = _axes(scene, vary, lambda path: unit_of(scene, path), place)
+    _refuse_repeated(scene, axes, place)
     return axes
 
 
-def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None]) -> tuple[StudyAxis, ...]:
+def _axes(
+    scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], str | None], place: str
+) -> tuple[StudyAxis, ...]:
     """What is varied; `unit` gives the unit of a path that is no parameter, where it is known. Raises InputError."""
     study = scene.study
     if vary is None:
@@ -130,17 +150,17 @@ def _axes(scene: Scene, vary: Mapping[str, Any] | None, unit: Callable[[str], st
     given = arguments.mapping("vary", vary, "a mapping of parameters to their values")
     if not given:
         raise InputError(f"sweep of {scene.name}: expected at least one parameter to vary, found none")
-    return tuple(read_axis(scene, path, values, unit(path)) for path, values in given.items())
+    return tuple(read_axis(scene, path, values, unit(path), place) for path, values in given.items())
 
 
-def _refuse_repeated(scene: Scene, axes: Sequence[StudyAxis]) -> None:
+def _refuse_repeated(scene: Scene, axes: Sequence[StudyAxis], place: str) -> None:
     """Raise InputError where an axis replaces what an earlier one sets, whose values would then be without effect."""
     earlier: dict[str, str] = {}
     for axis in axes:
         target = _target(scene, axis.path)
         for known, path in earlier.items():
             if f"{known}.".startswith(f"{target}."):
-                raise InputError(f"sweep over '{path}' and '{axis.path}': both set '{target}'; keep one of them")
+                raise InputError(f"{place} '{path}' and '{axis.path}': both set '{target}'; keep one of them")
         earlier[target] = axis.path
 
 
@@ -160,7 +180,7 @@ def _written_axis(scene: Scene, study: Study, path: str, unit: str | None) -> St
         return read_axis(scene, path, parse_values(values, "") if isinstance(values, str) else values, unit)
     except InputError as error:
         assert study.place is not None
-        raise study.place.error(path, str(error).removeprefix(": ").removeprefix(f"sweep over '{path}': ")) from None
+        raise study.place.error(path, error.reason) from None
 
 
 def _space(scene: Scene, axes: tuple[StudyAxis, ...], sample: SampleRequest | None) -> DesignSpace:
@@ -205,7 +225,7 @@ def _sensitivity_sample(scene: Scene, axes: tuple[StudyAxis, ...], asked: Sample
     return SensitivitySample(len(axes), size, seed=seed)
 
 
-def _check(scene: Scene, axis: StudyAxis, checking: Checking | None, equations: bool = True) -> None:
+def _check(scene: Scene, axis: StudyAxis, checking: Checking | None, place: str, equations: bool = True) -> None:
     """Refuse a path that accepts none of its values or, with `equations`, changes the equations (InputError).
 
     A parameter is an input of the equations, whatever its value, so that one value that the scene takes is enough.
@@ -226,7 +246,7 @@ def _check(scene: Scene, axis: StudyAxis, checking: Checking | None, equations: 
             return
         if design.structure_key != scene.structure_key:
             raise InputError(
-                f"sweep over '{axis.path}': it changes the equations, which would be compiled for every value; make it "
+                f"{place} '{axis.path}': it changes the equations, which would be compiled for every value; make it "
                 f"a parameter of the scene (parameters: {{NAME: {{value: …, sets: […]}}}}) and vary that"
             )
         if parameter:

@@ -187,7 +187,7 @@ class RobotDescription(Portable):
         """
         arguments.text("name", name, "the name of a joint")
         if name not in self.all_joint_names:
-            raise InputError(f"{self.name}: " + unknown_name("joint", name, self.all_joint_names))
+            raise InputError(unknown_name("joint", name, self.all_joint_names), self.name)
         return np.array(self._tree.joints[self.all_joint_names.index(name)].axis)
 
     def mimics(self) -> tuple[JointMimic, ...]:

@@ -120,7 +120,7 @@ def axis_pairs(
     names = [axis.name for axis in axes]
     for name in keep:
         if name not in names:
-            raise InputError(f"argument 'keep': {unknown_name('axis', name, names)}")
+            raise InputError(unknown_name("axis", name, names), argument="keep")
     shared: dict[tuple[str, int], AxisPairs] = {}
     found = []
     for axis, catalogue in zip(axes, catalogues, strict=True):
@@ -139,15 +139,15 @@ def axis_pairs(
 
 def _kept(axis: DrivenAxis, motors: Sequence[Motor], gears: Sequence[Gear], given: str) -> AxisPairs:
     """The pairs of an axis whose motor, or motor and gear, is given. Raises InputError."""
-    where = f"argument 'keep': axis '{axis.name}'"
+    where = f"axis '{axis.name}'"
     motor_id, plus, gear_id = (part.strip() for part in given.partition("+"))
     motor = [row for row in motors if row.id == motor_id]
     if not motor:
-        raise InputError(f"{where}: {unknown_name('motor', motor_id, [row.id for row in motors])}")
+        raise InputError(f"{where}: {unknown_name('motor', motor_id, [row.id for row in motors])}", argument="keep")
     if plus and gear_id != DIRECT.id:
         named = [row for row in gears if row.id == gear_id]
         if not named:
-            raise InputError(f"{where}: {unknown_name('gear', gear_id, [row.id for row in gears])}")
+            raise InputError(f"{where}: {unknown_name('gear', gear_id, [row.id for row in gears])}", argument="keep")
         gears = named
     pairs = Pairs.possible(motor, gears, axis.kind)
     if plus:
@@ -156,7 +156,8 @@ def _kept(axis: DrivenAxis, motors: Sequence[Motor], gears: Sequence[Gear], give
     if not len(pairs):
         raise InputError(
             f"{where} ({axis.kind}): '{given}' cannot drive it: a linear axis takes screws and racks, a rotary one "
-            "other gears; a motor and gear sold as one takes no further gear; flange and shaft must fit"
+            "other gears; a motor and gear sold as one takes no further gear; flange and shaft must fit",
+            argument="keep",
         )
     return _with_figures(axis, pairs, kept=True)
 

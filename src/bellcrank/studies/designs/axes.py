@@ -109,14 +109,17 @@ def parse_values(given: str, where: str) -> Any:
         return _range(where, given.split(":"))
     parts = given.split(",")
     if len(parts) > MOST_VALUES:
-        raise InputError(f"{where}: expected at most {MOST_VALUES} values, found {len(parts)}")
-    values = tuple(read_value(part, f"{where}: {format_value(part)}") for part in parts)
+        raise InputError(f"expected at most {MOST_VALUES} values, found {len(parts)}", where)
+    try:
+        values = tuple(read_value(part, format_value(part)) for part in parts)
+    except InputError as error:
+        raise InputError(error.reason, where) from None
     if any(value is None or isinstance(value, (list, dict)) for value in values):
-        raise InputError(f"{where}: {EXPECTED}")
+        raise InputError(EXPECTED, where)
     return values
 
 
-def read_axis(scene: Scene, path: str, values: Any, unit: str | None = None) -> StudyAxis:
+def read_axis(scene: Scene, path: str, values: Any, unit: str | None = None, place: str = "sweep over") -> StudyAxis:
     """The axis of a path, in the unit of the parameter that it names.
 
     Args:
@@ -124,18 +127,19 @@ def read_axis(scene: Scene, path: str, values: Any, unit: str | None = None) -> 
         path: A parameter, or a dotted path.
         values: A distribution, as a text or a `Distribution`; a range "FIRST:LAST:COUNT"; or the values.
         unit: The SI unit of a path that is no parameter, where it is known.
+        place: What the path is an axis of, with which messages begin.
 
     Raises:
         InputError: There are no values, or they do not fit the parameter.
     """
     parameter = scene.parameters.get(path.removeprefix("parameters."))
     unit = unit if parameter is None else parameter.unit
-    where = f"sweep over {format_value(path)}"
+    where = f"{place} {format_value(path)}"
     if isinstance(values, str) and is_distribution(values):
         try:
             values = read_distribution(values, unit)
         except InputError as error:
-            raise InputError(f"{where}: {error}") from None
+            raise InputError(str(error), where) from None
     if isinstance(values, Distribution):
         suffix = values.unit if unit is None else ""
         return StudyAxis(path=path, unit=values.unit, numbers=np.zeros(0), distribution=values, suffix=suffix)
@@ -152,28 +156,31 @@ def read_axis(scene: Scene, path: str, values: Any, unit: str | None = None) -> 
 def _axis_of_numbers(where: str, path: str, given: Numbers, unit: str | None) -> StudyAxis:
     numbers = given.numbers
     if not len(numbers):
-        raise InputError(f"{where}: expected at least one value, found none")
+        raise InputError("expected at least one value, found none", where)
     if unit is None:
         return StudyAxis(path=path, unit=given.unit, numbers=_frozen(numbers), suffix=given.unit)
     try:
         factor = parse_number(f"1 {given.unit}", unit)
         parse_number(float(numbers[np.argmax(~np.isfinite(numbers))]), unit)  # says what is wrong with one that is not
     except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(str(error), where) from None
     return StudyAxis(path=path, unit=unit, numbers=_frozen(numbers * factor))
 
 
 def _axis_of_values(where: str, path: str, values: Any, unit: str | None) -> StudyAxis:
     if isinstance(values, (str, int, float)):
         values = [values]
-    listed = tuple(_plain(path, value) for value in arguments.several(f'vary["{path:.80}"]', values, object, "values"))
+    try:
+        listed = tuple(_plain(value) for value in arguments.several("vary", values, object, "values"))
+    except InputError as error:
+        raise InputError(error.reason, where) from None
     if not listed:
-        raise InputError(f"{where}: expected at least one value, found none")
+        raise InputError("expected at least one value, found none", where)
     if unit is not None:
         try:
             return StudyAxis(path=path, unit=unit, numbers=_frozen([parse_number(value, unit) for value in listed]))
         except ValueError as error:
-            raise InputError(f"{where}: {error}") from None
+            raise InputError(str(error), where) from None
     parts = [part for value in listed if (part := _split(value)) is not None]
     units = {written for _, written in parts}
     if len(parts) < len(listed) or len(units) > 1:
@@ -189,14 +196,14 @@ def _frozen(numbers: Iterable[float] | Array) -> Array:
     return kept
 
 
-def _plain(path: str, value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """A value of an axis as a plain Python type; InputError for a type that no key of a scene accepts."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if not isinstance(value, (str, bool, int, float, list, tuple, dict)):
-        arguments.refuse(f'vary["{path:.80}"]', "numbers, texts, or another value that the key accepts", value)
+        arguments.refuse("vary", "numbers, texts, or another value that the key accepts", value)
     if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
-        arguments.refuse(f'vary["{path:.80}"]', "numbers that a double can hold", value)
+        arguments.refuse("vary", "numbers that a double can hold", value)
     return value
 
 
@@ -204,16 +211,16 @@ def _range(where: str, parts: list[str]) -> Numbers:
     ends = [_split(part) for part in parts[:2]]
     count = whole_number(parts[2]) if len(parts) == 3 else None
     if None in ends or count is None:
-        raise InputError(f"{where}: {EXPECTED}")
+        raise InputError(EXPECTED, where)
     if not 1 <= count <= MOST_VALUES:
-        raise InputError(f"{where}: expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}")
+        raise InputError(f"expected a count from 1 to {MOST_VALUES}, found {format_value(parts[2].strip())}", where)
     (first, before), (last, after) = (end for end in ends if end is not None)
     if before and after and before != after:
-        raise InputError(f"{where}: the ends are in '{before}' and in '{after}'; write one unit")
+        raise InputError(f"the ends are in '{before}' and in '{after}'; write one unit", where)
     if count == 1 and first != last:
-        raise InputError(f"{where}: count must be at least 2")
+        raise InputError("count must be at least 2", where)
     if not math.isfinite(last - first):
-        raise InputError(f"{where}: expected finite ends with a finite difference")
+        raise InputError("expected finite ends with a finite difference", where)
     return Numbers(np.linspace(first, last, count), after or before)
 
 

@@ -75,7 +75,8 @@ def plan_search(
     asked = _completed(scene, asked)
     assert asked.variables is not None and asked.limits is not None
     tolerances = {path: one for path, one in (asked.tolerances or {}).items() if path not in asked.variables}
-    plan_designs = planner(f"optimise {scene.name}", size=bool(asked.size), fastest=bool(asked.fastest))
+    where = f"optimise {scene.name}"
+    plan_designs = planner(where, size=bool(asked.size), fastest=bool(asked.fastest), place=f"{where}:")
     plan = _planned(scene, {**asked.variables, **_around(scene, tolerances)}, plan_designs)
     runner = plan.runner
     units, axes = Formulas(runner.units), runner.axes  # type: ignore[attr-defined]
@@ -270,16 +271,7 @@ def _planned(scene: Scene, given: Mapping[str, Any], plan_designs: Planner) -> S
                 f"optimise {scene.name}: '{path}': expected two bounds, or standard sizes such as "
                 f"{{'sizes': [0.3, 0.31]}}, found {arguments.found(bounds)}"
             )
-    try:
-        return plan_designs(scene, pairs, None, None)
-    except InputError as error:
-        raise _renamed(error, f"optimise {scene.name}:") from None
-
-
-def _renamed(error: InputError, where: str) -> InputError:
-    """The error of the axes of a sweep, as one of what was asked for here."""
-    text = str(error).replace("sweep over", where)
-    return InputError(text.replace("argument 'vary[\"", f"{where} '").replace("\"]'", "'"))
+    return plan_designs(scene, pairs, None, None)
 
 
 def _variable(scene: Scene, axis: StudyAxis, given: Any) -> Variable:
@@ -327,10 +319,7 @@ def _start(problem: DesignProblem, given: Mapping[str, Any]) -> Array:
         if path not in given:
             raise InputError(f"start: '{path}' has no value; give one of each variable")
         unit = None if axis.suffix else axis.unit
-        try:
-            own = read_axis(problem.scene, path, [given[path]], unit)
-        except InputError as error:
-            raise _renamed(error, "start:") from None
+        own = read_axis(problem.scene, path, [given[path]], unit, "start:")
         if not own.numeric or (axis.suffix and own.suffix not in ("", axis.suffix)):
             raise InputError(f"start: '{path}': expected a number in {axis.unit}, found {format_value(given[path])}")
         number = float(own.numbers[0])
