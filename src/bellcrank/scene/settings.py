@@ -98,7 +98,7 @@ class Settings:
                 argument="rtol",
             )
         if self.rtol > 1.0:
-            raise InputError(f"expected at most 1, an error as large as the value, found {self.rtol:g}", argument="rtol")
+            raise InputError(f"expected at most 1, an error as large as the value, found {self.rtol:g}", "", "rtol")
         for name, least, most in (("samples", 2, MOST_NUMBERS), ("max_evaluations", 1, 2**62)):
             object.__setattr__(self, name, arguments.whole(name, getattr(self, name), least=least, most=most))
         object.__setattr__(self, "stabilisation", stabilisation(self.stabilisation))
