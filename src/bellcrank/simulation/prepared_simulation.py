@@ -252,12 +252,12 @@ def prepare(
     atol: float | None = None,
     step: float | None = None,
     *,
-    overrides: Mapping[str, Any] | None = None,
     samples: int | None = None,
     first_step: float | None = None,
     max_step: float | None = None,
     max_evaluations: int | None = None,
     stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
 ) -> PreparedSimulation:
     """Prepare a scene for many single runs, such as those of an optimiser.
@@ -272,12 +272,12 @@ def prepare(
         rtol: Relative tolerance.
         atol: Absolute tolerance.
         step: Fixed step size, s.
-        overrides: Changes of the scene by dotted path.
         samples: The number of equally spaced times at which rows are wanted.
         first_step: First step size, s.
         max_step: Largest step size, s.
         max_evaluations: A run ends after so many evaluations of the equations.
         stabilisation: How constraints are kept. Automatic gains are chosen once, for the scene as it is.
+        overrides: Changes of the scene by dotted path.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:

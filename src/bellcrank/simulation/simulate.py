@@ -127,20 +127,20 @@ def simulate(
     atol: float | None = None,
     step: float | None = None,
     times: Any = None,
-    overrides: Mapping[str, Any] | None = None,
     *,
     samples: int | None = None,
     first_step: float | None = None,
     max_step: float | None = None,
     max_evaluations: int | None = None,
     stabilisation: Stabilisation | Mapping[str, Any] | str | None = None,
-    progress: Progress | None = None,
     checkpoint: str | Path | None = None,
     checkpoint_every: float = CHECKPOINT_EVERY,
     sensitivities: Sequence[str] = (),
     controller: Callable[[float, Array, Array], Any] | None = None,
     sample_time: float | None = None,
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
+    progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate a scene.
 
@@ -158,14 +158,12 @@ def simulate(
             fixed step of the scene.
         times: Times (m,) s at which results are wanted, increasing from 0 on; or "steps", the ends of the solver's
             steps.
-        overrides: Changes of the scene by dotted path, such as {"initial.shoulder": "10 deg"}.
         samples: The number of equally spaced times at which results are wanted, where `times` is not given.
         first_step: First step size, s.
         max_step: Largest step size, s.
         max_evaluations: The run ends after so many evaluations of the equations.
         stabilisation: How constraints are kept: "projection", "none", {"kind": "baumgarte", "alpha": 20, "beta": 20}
             (1/s) or {"kind": "baumgarte", "gains": "auto"}.
-        progress: Called with the time reached and the time at the end, s, about every 0.1 s.
         checkpoint: An .npz file in which the run is saved at its end. Until then, what is computed is saved in a folder
             of checkpoints beside it, run.blocks for run.npz, which `load_run` reads too; the folder is removed when the
             file is complete. Checkpoints that an earlier, unfinished run left are moved to run.blocks.1, and so on.
@@ -176,7 +174,9 @@ def simulate(
             mapping by joint, that is called every `sample_time` and acts besides the scene's `control`. It is for
             prototypes: a call takes as long as some hundred steps, and neither files nor sweeps can hold it.
         sample_time: The time between two calls of `controller`, s; its torques are constant meanwhile.
+        overrides: Changes of the scene by dotted path, such as {"initial.shoulder": "10 deg"}.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
+        progress: Called with the time reached and the time at the end, s, about every 0.1 s.
 
     Returns:
         The run. Its `status` says why it ended; a run that ends early keeps all results until then, with the state at

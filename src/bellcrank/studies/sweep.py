@@ -41,17 +41,17 @@ def sweep(
     method: str | None = None,
     seed: int | None = None,
     sobol: int | None = None,
-    overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
     restart: bool = False,
-    progress: Progress | None = None,
     checking: Progress | None = None,
     on_checkpoint: Callable[[Sweep], object] | None = None,
     checkpoint_every: float = CHECKPOINT_EVERY,
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
+    progress: Progress | None = None,
 ) -> Sweep:
     """Simulate or size a scene for all combinations of values of its parameters, or for a sample of distributions.
 
@@ -78,19 +78,19 @@ def sweep(
         seed: Of the random numbers, by default 0. A sample is the same for the same seed and version of SciPy.
         sobol: Instead of a sample, the designs of Sobol indices (`Sweep.sensitivity`): 16 scramblings of this number of
             Sobol points, a power of two, each with as many designs as there are parameters and 2.
-        overrides: Changes of the scene beforehand, by dotted path.
         threads: How many threads run designs; by default as many as the machine has processors.
         workers: How many processes Dask starts on this machine to run designs, instead of threads.
         scheduler: The address of a Dask scheduler whose workers run the designs.
         folder: A folder in which the designs that are done are kept while the sweep goes on. The same sweep with the
             same folder goes on where an earlier process was stopped; another sweep is refused.
         restart: Set an earlier sweep in the folder aside, instead of going on with it.
-        progress: Called with the number of designs done and the number of all.
         checking: Called before, with the number of values of an axis that are checked and the number of all.
         on_checkpoint: Called with the sweep of the designs that are done about every `checkpoint_every` s; less often
             where that takes long.
         checkpoint_every: s between two calls of `on_checkpoint`, and between two checkpoints in `folder`.
+        overrides: Changes of the scene beforehand, by dotted path.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
+        progress: Called with the number of designs done and the number of all.
 
     Returns:
         One row a design. Ctrl-C ends the sweep and keeps the designs that are done (`complete` is then false).
@@ -210,11 +210,11 @@ def sobol_indices(
     *,
     n: int = 64,
     seed: int | None = None,
-    overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     folder: str | Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Sensitivity:
     """Find which parameters the spread of a scene's measures comes from.
@@ -230,11 +230,11 @@ def sobol_indices(
             or "uniform(1 N m, 2 N m)". None: as the scene says under `study`.
         n: The number of Sobol points of each scrambling, a power of two.
         seed: Of the scramblings, by default 0: the same seed gives the same designs.
-        overrides: Changes of the scene beforehand, by dotted path.
         threads: How many threads run designs; by default as many as the machine has processors.
         workers: How many processes Dask starts on this machine to run designs, instead of threads.
         scheduler: The address of a Dask scheduler whose workers run the designs.
         folder: A folder in which the designs that are done are kept, as in `sweep`.
+        overrides: Changes of the scene beforehand, by dotted path.
         progress: Called with the number of designs done and the number of all.
 
     Returns:

@@ -60,12 +60,12 @@ def pareto_front(
     robust: str | None = None,
     folder: str | Path | None = None,
     restart: bool = False,
-    overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Progress | None = None,
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
+    progress: Progress | None = None,
 ) -> ParetoFront:
     """Find designs between several objectives, of which no design that was run betters all (a Pareto front).
 
@@ -87,12 +87,12 @@ def pareto_front(
         robust: As for `optimise`.
         folder: As for `optimise`.
         restart: As for `optimise`.
-        overrides: As for `optimise`.
         threads: As for `optimise`.
         workers: As for `optimise`.
         scheduler: As for `optimise`.
-        progress: As for `optimise`.
+        overrides: As for `optimise`.
         trust: As for `optimise`.
+        progress: As for `optimise`.
 
     Returns:
         The front. Each of its designs is an `Optimum` of the first objective, whose limits hold the others at their

@@ -59,12 +59,12 @@ def optimise(
     robust: str | None = None,
     folder: str | Path | None = None,
     restart: bool = False,
-    overrides: Mapping[str, Any] | None = None,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Progress | None = None,
+    overrides: Mapping[str, Any] | None = None,
     trust: Trust = (),
+    progress: Progress | None = None,
 ) -> Optimum:
     """Find the values of parameters within bounds that make a measure smallest or largest, and keep limits.
 
@@ -101,12 +101,12 @@ def optimise(
         folder: A folder in which the designs that were run are kept under "checkpoints". A search that was killed and
             is started again with the same arguments takes them as they are, and has the same result.
         restart: Set what is kept there aside.
-        overrides: Changes of the scene beforehand, by dotted path.
         threads: How many threads run designs; by default as many as the machine has processors, and one in each worker.
         workers: Run designs in so many processes of a Dask cluster on this machine; the result is the same.
         scheduler: Or on the workers of this Dask scheduler, such as "tcp://10.0.0.1:8786".
-        progress: Called with the number of designs that were run, and None, as it is not known how many follow.
+        overrides: Changes of the scene beforehand, by dotted path.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
+        progress: Called with the number of designs that were run, and None, as it is not known how many follow.
 
     Returns:
         The best design, with its multipliers and its residual. Ctrl-C keeps the best design so far.

@@ -62,8 +62,8 @@ def select_designs(
     payloads: Iterable[Payload] = (),
     allow_massless: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
     trust: Trust = (),
+    progress: Progress | None = None,
 ) -> DesignSelection:
     """Choose sizes of parameters, from lists or ranges, together with the motor and gear of every axis.
 
@@ -96,8 +96,8 @@ def select_designs(
         payloads: As for `select`.
         allow_massless: As for `select`.
         overrides: Changes of the scene beforehand, by dotted path.
-        progress: Called with the number of designs done, and of all.
         trust: Where `scene` is a file, folders whose files it may name, besides those near it.
+        progress: Called with the number of designs done, and of all.
 
     Returns:
         The best design with its `Selection`, and a row for each design. Ctrl-C keeps the best so far.
