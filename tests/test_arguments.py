@@ -260,7 +260,7 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
               "acceleration": None, "jerk": None, "coordinates": ("x", "y"), "name": "own"}  # fmt: skip
     start = {"shoulder": 1.2, "elbow": -1.0}
     one_motor = {"scene": pendulum, "motion": bc.dwell(pendulum.robot, [0.1], 1.0), "actuated": ["swing"],
-                 "independent": ["swing"], "overrides": None}  # fmt: skip
+                 "independent": ["swing"], "overrides": None, "trust": []}  # fmt: skip
     simulated = {"overrides": None, "max_evaluations": 3000}
     prepared = bc.prepare(four_bar, samples=3)
     joint_path = bc.joint_path(robot, [{}, {"elbow": 1.0}])
@@ -392,23 +392,25 @@ def examples() -> dict[str, tuple[Any, dict[str, Any]]]:
         **of(outputs, output_differences={"linkage": 0}),
         **of(linkages, plot={"path": None},
              write_config={"path": "l.yaml"}),
-        "scene_casadi": (bc.scene_casadi, {"scene": pendulum}),
+        "scene_casadi": (bc.scene_casadi, {"scene": pendulum, "overrides": None, "trust": []}),
         "scene_inverse_dynamics": (bc.scene_inverse_dynamics, one_motor),
         "Linkage": (Linkage, {"scene": four_bar, "robot": four_bar.robot, "actuated": ["crank"]}),
         "Linkage.leading": (linkage.leading, {"name": "unfold"}),
         "scene_derivatives": (bc.scene_derivatives, {
-            "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3]}),
+            "scene": pendulum, "q": [0.1], "v": [0.2], "time": 0.0, "torque": [0.3],
+            "overrides": None, "trust": []}),
         "linearise": (bc.linearise, {
-            "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True}),
+            "scene": pendulum, "at": "start", "inputs": ["swing"], "keep_symmetries": True,
+            "overrides": None, "trust": []}),
         **of(linear, to_control={}, mode_rows={}, plot={"path": None}),
         **of(linear, to_mat={"path": "modes.mat"}),
         **of(linear.modes[0], as_dict={}),
         "root_loci": (bc.root_loci, {
             "scene": pendulum, "parameter": "initial.swing", "values": [0.1], "at": "equilibrium",
-            "progress": lambda done, of: None}),
+            "overrides": None, "trust": [], "progress": lambda done, of: None}),
         **of(loci, plot={"path": "loci.png"}),
-        "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0}),
-        "mobility": (bc.mobility, {"scene": four_bar}),
+        "floquet": (bc.floquet, {"scene": hanging, "period": 0.1, "at": 0.0, "overrides": None, "trust": []}),
+        "mobility": (bc.mobility, {"scene": four_bar, "overrides": None, "trust": []}),
         "plot": (bc.plot, {"run": run, "path": None, "frame": "P1"}),
         "replay": (bc.replay, {"source": motion, "path": "page.html", "robot": robot, "over": motion, "trace": ["tip"],
                                "detail": "reduced", "title": None, "plots": False, "live": None, "trust": []}),

@@ -20,6 +20,7 @@ TITLES = {
     "studies": "Sweeps",
     "dynamics": "Inverse dynamics and derivatives of scenes",
     "replays": "Replays and reports",
+    "present": "Results of all kinds",
     "errors": "Errors",
 }
 NAME = re.compile(r"(?<!\[)(?P<code>`bc\.(?P<name>results\.\w+|\w+)(?:\.\w+)*(?:\([^`]*\))?`)(?!\])")

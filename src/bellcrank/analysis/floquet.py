@@ -9,7 +9,7 @@ Integration, 2nd ed., II.1.3; A. H. Nayfeh & B. Balachandran, Applied Nonlinear 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,6 +23,7 @@ from bellcrank.analysis.symmetries import adjoint, symmetries_of
 from bellcrank.arrays import Array, Complex
 from bellcrank.dynamics.equations.linear_equations import LinearEquations, equation_code
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.notes import Note, ranked
 from bellcrank.present.results import JsonLayout, Result
 from bellcrank.robot.robot import Robot
@@ -152,7 +153,14 @@ class FloquetModes(Result):
 
 
 @arguments.named
-def floquet(scene: Scene | Robot | str | Path, period: float, at: float = 0.0) -> FloquetModes:
+def floquet(
+    scene: Scene | Robot | str | Path,
+    period: float,
+    at: float = 0.0,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> FloquetModes:
     """The Floquet multipliers of a periodic motion of a scene.
 
     This is for motions that are no relative equilibria of `linearise`: a driven mechanism that turns round and round, a
@@ -164,6 +172,8 @@ def floquet(scene: Scene | Robot | str | Path, period: float, at: float = 0.0) -
         period: T, s.
         at: The time, s, of a run from the scene's start at which the period begins: late enough that a start that is
             not on the periodic motion has settled.
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         The multipliers.
@@ -177,7 +187,7 @@ def floquet(scene: Scene | Robot | str | Path, period: float, at: float = 0.0) -
         >>> bc.floquet(scene, 6.283185307179586 / 9.81**0.5).stable
         True
     """
-    scene = given_scene(scene)
+    scene = given_scene(scene, overrides, trust)
     period = arguments.number("period", period, "s", above=0.0)
     at = arguments.number("at", at, "s", least=0.0)
     last, count = None, FEWEST

@@ -5,10 +5,10 @@ States are the displacements and velocities of the joints, and the states of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.dynamics.postures.posture_search import motors_of
 from bellcrank.elements.joint_forces import Friction
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.notes import Note, ranked
 from bellcrank.scene.load import given_scene
@@ -130,6 +131,8 @@ def linearise(
     *,
     inputs: Sequence[str] | None = None,
     keep_symmetries: bool | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
 ) -> Linearisation:
     """Linearise a scene's equations of motion about an operating point.
 
@@ -149,6 +152,8 @@ def linearise(
         inputs: Names of the joints whose torque or force is an input; by default those with motors, or all joints of
             one degree of freedom where none has one.
         keep_symmetries: Whether states along symmetries are kept; by default for equilibria only.
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         A, B, C and D with names, and the modes. The outputs are those of the scene, or all joints where it has none;
@@ -164,7 +169,9 @@ def linearise(
         (['swing', 'swing rate'], [3.1321j, -3.1321j])
     """
     run = scene if isinstance(scene, Trajectory) else None
-    scene = scene.scene if isinstance(scene, Trajectory) else given_scene(scene)
+    if run is not None and overrides:
+        raise InputError("applies only to scenes; change the scene before the run", argument="overrides")
+    scene = given_scene(scene.scene if isinstance(scene, Trajectory) else scene, overrides, trust)
     if scene.drives:
         return linearise_drives(scene, *_held_posture(scene, run, at))
     joints = _input_joints(scene, inputs)

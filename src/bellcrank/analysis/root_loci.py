@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,6 +17,7 @@ from bellcrank.analysis.modes import complex_text, pair
 from bellcrank.arguments import Progress
 from bellcrank.arrays import Array, Complex
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.notes import Note, ranked
 from bellcrank.present.results import JsonLayout, Result
 from bellcrank.present.tables import aligned
@@ -162,6 +163,8 @@ def root_loci(
     values: Sequence[Any],
     at: str | None = None,
     *,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
     progress: Progress | None = None,
 ) -> RootLoci:
     """Linearise a scene for several values of one of its numbers.
@@ -174,6 +177,8 @@ def root_loci(
             "initial.velocity.wheel", ….
         values: Its values.
         at: The operating point, as in `linearise`: "equilibrium", "steady" or "start".
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
         progress: Called with the number of values done and of all.
 
     Returns:
@@ -188,7 +193,7 @@ def root_loci(
         >>> abs(found.eigenvalues).max(axis=1).round(4).tolist()
         [2.7386, 5.4772]
     """
-    scene = given_scene(scene)
+    scene = given_scene(scene, overrides, trust)
     if not arguments.text("parameter", parameter, "the path of a number of the scene").isprintable():
         arguments.refuse("parameter", "the path of a number of the scene", parameter)
     listed = arguments.several("values", values, object, "values")

@@ -43,7 +43,16 @@ class Result(ABC):
 
     @abstractmethod
     def table(self) -> str:
-        """The result as text for a terminal."""
+        """The result as text for a terminal.
+
+        Returns:
+            Lines of text.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> print(bc.mobility("pendulum").table().splitlines()[0])
+            1 degree of freedom: 1 of the joints less 0 independent conditions of 0
+        """
 
     def __str__(self) -> str:
         return self.table()
@@ -53,7 +62,16 @@ class Result(ABC):
 
     @abstractmethod
     def as_dict(self) -> dict[str, Any]:
-        """The result as data for JSON."""
+        """The result as data for JSON.
+
+        Returns:
+            Texts, numbers in SI units, lists and dictionaries.
+
+        Example:
+            >>> import bellcrank as bc
+            >>> bc.mobility("pendulum").as_dict()["freedoms"]
+            1
+        """
 
     @abstractmethod
     def _rows(self) -> list[Sequence[object]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from bellcrank.dynamics.postures.posture_search import (
     search_postures,
 )
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.notes import Note
 from bellcrank.numerics import checked, eigenvectors, singular_values, svd
 from bellcrank.present.results import Result
@@ -207,7 +208,12 @@ class Mobility(Result):
 
 
 @arguments.named
-def mobility(scene: Scene | Robot | str | Path) -> Mobility:
+def mobility(
+    scene: Scene | Robot | str | Path,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> Mobility:
     """The mobility of a scene's mechanism at its start.
 
     The freedoms are the null space of J, the derivative of the constraints' velocity residuals by v, in units of rad
@@ -216,6 +222,8 @@ def mobility(scene: Scene | Robot | str | Path) -> Mobility:
 
     Args:
         scene: A scene or robot, or the path or name of its file.
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         The freedoms, redundant conditions and actuated freedoms.
@@ -231,7 +239,7 @@ def mobility(scene: Scene | Robot | str | Path) -> Mobility:
     """
     from bellcrank.scene.load import given_scene
 
-    scene = given_scene(scene)
+    scene = given_scene(scene, overrides, trust)
     q, v = consistent_start(scene)
     jacobian = _jacobian(scene, q, v)
     free = _null_space(jacobian)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from bellcrank.dynamics.equations.linear_equations import equation_code
 from bellcrank.dynamics.equations.system import system_of, system_parameters
 from bellcrank.dynamics.postures.consistent_start import consistent_start
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +25,12 @@ if TYPE_CHECKING:
 
 
 @arguments.named
-def scene_casadi(scene: Scene | Robot | str | Path) -> casadi.Function:
+def scene_casadi(
+    scene: Scene | Robot | str | Path,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
+) -> casadi.Function:
     """The right-hand side of a scene's equations of motion as a casadi Function of expressions.
 
     Inputs: the time t (s), position q (nq), velocity v (nv), signals u (nu: what tables and motions give at t, then
@@ -41,6 +48,8 @@ def scene_casadi(scene: Scene | Robot | str | Path) -> casadi.Function:
 
     Args:
         scene: The scene.
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         (t, q, v, u, p) -> q_rate, a, multipliers: a casadi.Function of SX expressions.
@@ -61,7 +70,7 @@ def scene_casadi(scene: Scene | Robot | str | Path) -> casadi.Function:
 
     from bellcrank.scene.load import given_scene
 
-    scene = given_scene(scene)
+    scene = given_scene(scene, overrides, trust)
     if scene.drives:
         raise InputError(
             f"{scene.source}: a drive ({scene.drives[0].name}) has states besides position and velocity, which this "
@@ -134,7 +143,14 @@ class SceneDerivatives:
 
 @arguments.named
 def scene_derivatives(
-    scene: Scene | Robot | str | Path, q: Any = None, v: Any = None, time: float = 0.0, torque: Any = None
+    scene: Scene | Robot | str | Path,
+    q: Any = None,
+    v: Any = None,
+    time: float = 0.0,
+    torque: Any = None,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    trust: Trust = (),
 ) -> SceneDerivatives:
     """The derivatives of a scene's accelerations and constraint forces, exact to rounding.
 
@@ -151,6 +167,8 @@ def scene_derivatives(
         v: Velocity (nv,); that of the start where it is not given.
         time: s.
         torque: Additional joint forces τ (nv,), N m or N.
+        overrides: Changes of the scene by dotted path, such as {"initial.crank": "1.5 deg"}.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         v̇, λ and their derivatives.
@@ -168,7 +186,7 @@ def scene_derivatives(
     """
     from bellcrank.scene.load import given_scene
 
-    scene = given_scene(scene)
+    scene = given_scene(scene, overrides, trust)
     robot, start = scene.robot, None
     if q is None or v is None:
         start = consistent_start(scene)

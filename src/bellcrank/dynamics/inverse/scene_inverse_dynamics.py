@@ -16,6 +16,7 @@ from bellcrank.dynamics.inverse.input_breakpoints import force_times
 from bellcrank.dynamics.inverse.mechanism import Mechanism, mechanism_of
 from bellcrank.dynamics.inverse.motion_notes import mechanism_notes, motion_notes
 from bellcrank.errors import InputError
+from bellcrank.files.access import Trust
 from bellcrank.messages import unknown_name
 from bellcrank.motion.motion import Motion
 from bellcrank.notes import Note, in_use, ranked
@@ -151,6 +152,8 @@ def scene_inverse_dynamics(
     actuated: Sequence[str] | None = None,
     independent: Sequence[str] | None = None,
     overrides: Mapping[str, Any] | None = None,
+    *,
+    trust: Trust = (),
 ) -> SceneInverseDynamics:
     """Motor torques, constraint multipliers and joint reactions along a motion of an open chain or a closed linkage.
 
@@ -169,6 +172,7 @@ def scene_inverse_dynamics(
         independent: The joints of a linkage whose positions the motion prescribes; by default those that it moves,
             motors first.
         overrides: Changes of the scene by dotted path, as for `load_scene`.
+        trust: Where `scene` is a file, folders whose files it may name, besides those near it.
 
     Returns:
         Torques, multipliers and the motion of all joints.
@@ -185,7 +189,7 @@ def scene_inverse_dynamics(
         >>> result.torque.shape == (len(result.time), 2)
         True
     """
-    scene = given_scene(scene, overrides)
+    scene = given_scene(scene, overrides, trust)
     if actuated is not None:
         actuated = arguments.several("actuated", actuated, str, "names of joints")
     if independent is not None:
