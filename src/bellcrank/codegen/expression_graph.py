@@ -51,11 +51,6 @@ class Graph:
     seldom: bool = False
 
     @property
-    def soon_compiled(self) -> bool:
-        """Whether a short compile time matters more than fast code."""
-        return self.seldom and self.is_long
-
-    @property
     def is_long(self) -> bool:
         """Whether optimising the code takes long."""
         return self.operations > LONG

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from bellcrank.dynamics.equations.assembly import Assembly
     from bellcrank.dynamics.equations.compiled_equations import System
     from bellcrank.robot.robot import Robot, RobotJoint
-    from bellcrank.scene.events import EventRule
     from bellcrank.scene.free_joint_start import FreeJointStart
     from bellcrank.scene.scene import Scene
     from bellcrank.simulation.trajectory.trajectory import Trajectory
@@ -316,11 +315,6 @@ class _Settings:
             else:
                 own[names.index(key[1]) if kind == "parameter" else key[1]] = s[place]
         return casadi.Function("start", [s], [casadi.densify(each) for each in (q, v, own)])
-
-
-def _event_kind(rule: EventRule) -> int:
-    """Whether an event must not have happened at the start, as page_engine.cpp numbers the reasons."""
-    return 1 if isinstance(rule.when, ContactLost) else 2 if isinstance(rule.when, LiesFlat) else 0
 
 
 def _roll_pitch_yaw(quaternion: Sequence[float]) -> tuple[float, float, float]:
