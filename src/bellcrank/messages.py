@@ -20,6 +20,8 @@ MOST_LETTERS = 1200  # of a message
 _UNUSUAL = re.compile(r"[^\w.-]+")  # in names of files
 # controls but for newline and tab; what turns the direction of writing; what breaks lines besides a newline
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+LONGEST_NAME = 200  # characters of an unknown name that a message repeats
+MOST_NAMES = 30  # expected names that a message lists: all keys of a scene
 
 
 def utf8(text: str) -> bytes:
@@ -80,10 +82,6 @@ def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 codecs.register_error(ERRORS, _encoded)
-
-
-LONGEST_NAME = 200  # characters of an unknown name that a message repeats
-MOST_NAMES = 30  # expected names that a message lists: all keys of a scene
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:

@@ -55,6 +55,16 @@ OF_AN_AXIS: Final = (  # the axes share one bus with its supply; momentary loads
     "inertia_ratio", "commutation", "construction", "life", "brake", "assume",
 )  # fmt: skip
 
+DRIVE_KEYS: Final = (
+    "model",
+    "elastic",
+    "rotor_friction",
+    "temperatures",
+    "servo",
+)  # of a simulation (elements/drives.py)
+P = TypeVar("P", Motor, Gear)
+CatalogueOf = Callable[[], "Catalogue"]
+
 
 def given_conditions(fields: Fields, keys: Collection[str] = KEYS) -> dict[str, Any]:
     """The conditions that a mapping states, by the names of the fields of `Conditions`, in SI units.
@@ -109,17 +119,6 @@ def _value(fields: Fields, name: str) -> Any:
     except InputError as error:
         raise fields.error(name, error.reason) from None
     return value
-
-
-DRIVE_KEYS: Final = (
-    "model",
-    "elastic",
-    "rotor_friction",
-    "temperatures",
-    "servo",
-)  # of a simulation (elements/drives.py)
-P = TypeVar("P", Motor, Gear)
-CatalogueOf = Callable[[], "Catalogue"]
 
 
 def catalogue_folder(fields: Fields) -> Path | None:

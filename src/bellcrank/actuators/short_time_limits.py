@@ -22,6 +22,9 @@ from bellcrank.actuators.product_arrays import Curves, MotorArrays
 from bellcrank.arrays import Array
 from bellcrank.numerics import floats
 
+PEAK = "the peak torque or current"
+SPEEDS = 401  # of an outline, in each direction
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpeedTorqueLimit:
@@ -146,10 +149,6 @@ def voltage_limit_source(motor: Motor) -> str:
     if motor.nominal_voltage is None:
         return "unknown"
     return "unknown" if motor.stall_torque is None or motor.no_load_speed is None else "stall torque and no-load speed"
-
-
-PEAK = "the peak torque or current"
-SPEEDS = 401  # of an outline, in each direction
 
 
 @dataclass(frozen=True, eq=False)

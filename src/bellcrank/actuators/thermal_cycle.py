@@ -17,6 +17,9 @@ from bellcrank.actuators.thermal import HeatCycle, Kernel, Rates, ThermalModel, 
 from bellcrank.arrays import Array, Mask
 
 FEW = 256  # motors times blocks at once: below it a call of NumPy takes the time, not its arithmetic
+CHUNK = 2**18  # motors times intervals at a time: about 50 MB of arrays
+HALVINGS = 80  # of the time inside an interval
+MOST_DOUBLINGS = 62  # of the cycle's map: more cycles would take longer than the age of the universe
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +143,6 @@ def _from(states: Array, changes: Array) -> Array:
     return np.asarray(moved)
 
 
-CHUNK = 2**18  # motors times intervals at a time: about 50 MB of arrays
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PeriodicTemperatures:
     """Temperatures of m motors in the periodic state, °C; infinite on thermal runaway, NaN where unknown.
@@ -232,10 +232,6 @@ def _known(model: ThermalModel, heat: HeatCycle) -> Mask:
 #
 # From the ambient temperature each cycle is warmer than the one before at each of its moments, because its map has no
 # negative entries. Hence the cycle in which a limit is first reached is found by bisection over powers of the map.
-
-
-HALVINGS = 80  # of the time inside an interval
-MOST_DOUBLINGS = 62  # of the cycle's map: more cycles would take longer than the age of the universe
 
 
 def time_to_limit(model: ThermalModel, heat: HeatCycle, limit: Array) -> Array:

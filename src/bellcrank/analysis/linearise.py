@@ -54,6 +54,11 @@ if TYPE_CHECKING:
 
 
 STILL = 1e-9  # of the largest terms: rates below this are 0 at an equilibrium
+Names = tuple[tuple[str, str], ...]
+AT = ("start", "equilibrium", "steady")
+SAME_TIME = 1e-9  # s
+NEARBY = 0.05  # of the largest velocity: a steady motion that differs more from the start is said to be another one
+INVARIANT = 1e-8  # of the largest entry: an output that changes less along symmetries does not depend on them
 
 
 def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisation:
@@ -115,13 +120,6 @@ def linearise_drives(scene: Scene, time: float, position: Array) -> Linearisatio
         notes=ranked(tuple(notes)),
         drives=tuple(drive_dynamics(smooth, drive, t, position) for drive in smooth.drives),
     )
-
-
-Names = tuple[tuple[str, str], ...]
-AT = ("start", "equilibrium", "steady")
-SAME_TIME = 1e-9  # s
-NEARBY = 0.05  # of the largest velocity: a steady motion that differs more from the start is said to be another one
-INVARIANT = 1e-8  # of the largest entry: an output that changes less along symmetries does not depend on them
 
 
 @arguments.named

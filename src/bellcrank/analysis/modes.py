@@ -22,6 +22,13 @@ from bellcrank.present.tables import aligned
 if TYPE_CHECKING:
     from bellcrank.analysis.linearisation import Linearisation
 
+SHOWN_AS_ZERO = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
+MOST = 0.1  # of the largest entry of a shape: a state with less is not named
+# times machine precision, the norm of A and an eigenvalue's condition number: a real or imaginary part below this is 0
+ROUNDING = 100.0
+DEPENDENT = 1e-9  # of the largest singular value: symmetries that do the same at the operating point
+NEUTRAL = 1e-6  # of the largest eigenvalue: an eigenvalue nearer than this to one of Λ has no eigenvector of its own
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mode:
@@ -124,10 +131,6 @@ def sort_key(value: complex) -> tuple[bool, float, float]:
     return (value.real <= 0.0, abs(value), cmath.phase(value))
 
 
-SHOWN_AS_ZERO = 1e-12  # m, rad, m/s or rad/s: less is shown as 0
-MOST = 0.1  # of the largest entry of a shape: a state with less is not named
-
-
 def mode_cells(linear: Linearisation, mode: Mode) -> tuple[str, ...]:
     """The cells of a mode after its number."""
     value, ratio, constant = mode.eigenvalue, mode.damping_ratio, mode.time_constant
@@ -166,12 +169,6 @@ def mode_table(linear: Linearisation) -> str:
 def shown(values: Array) -> str:
     """Numbers for a table; those that are rounding errors as 0."""
     return ", ".join(f"{x if abs(x) > SHOWN_AS_ZERO else 0.0:.6g}" for x in values.tolist())
-
-
-# times machine precision, the norm of A and an eigenvalue's condition number: a real or imaginary part below this is 0
-ROUNDING = 100.0
-DEPENDENT = 1e-9  # of the largest singular value: symmetries that do the same at the operating point
-NEUTRAL = 1e-6  # of the largest eigenvalue: an eigenvalue nearer than this to one of Λ has no eigenvector of its own
 
 
 @dataclass(frozen=True, eq=False)

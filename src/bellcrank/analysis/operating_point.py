@@ -48,6 +48,7 @@ DESCENT = 0.1  # rad or characteristic lengths: the first step of a descent
 DESCENTS = 400
 SMALLEST = 1e-4  # of it: a shorter step is left to Newton's method
 RANK = 1e-9  # of the largest singular value: a direction that changes less is neutral
+PREFERRED = 0.1  # factor by which the columns of joints of one degree of freedom are less likely to be dependent
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -223,9 +224,6 @@ def _moved(point: OperatingPoint, step: Array) -> OperatingPoint:
     q, v = displaced(scene, point.position, step[:nv]), point.velocity + step[nv : 2 * nv]
     at = equation_code(scene).at(point.time, q, v)
     return _point(point.symmetries, point.time, q, v, at, point.coefficients + step[2 * nv :])
-
-
-PREFERRED = 0.1  # factor by which the columns of joints of one degree of freedom are less likely to be dependent
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -48,6 +48,10 @@ if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene
 
+STATES = 3  # random states in which the conditions must hold
+ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one
+ZERO = 1e-9  # of a condition's own terms: less is rounding
+
 
 def cross(vector: Array) -> Array:
     """The matrix (3, 3) of the cross product with a vector (3,)."""
@@ -74,11 +78,6 @@ def _joint_adjoint(joint: RobotJoint, v: Array) -> Array:
         x, y, rate = v
         return np.array([[0.0, -rate, y], [rate, 0.0, -x], [0.0, 0.0, 0.0]])
     return np.zeros((joint.nv, joint.nv))
-
-
-STATES = 3  # random states in which the conditions must hold
-ASIDE = 0.2  # rad or characteristic lengths: how far these are from the given one
-ZERO = 1e-9  # of a condition's own terms: less is rounding
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,41 @@ _FUSED = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 _SHORT = (1.57079632673412561417e0, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.47842766036889956997e-32)
 _TWO_OVER_PI = 0.6366197723675814
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it leaves the nearest integer in the low bits
+# The C library's sines and cosines of the first n numbers of a buffer, into its second and third region.
+EXACT_SINCOS = """
+define internal void @exact_sincos(ptr %buffer, i64 %n, i64 %region) noinline cold {
+entry:
+  br label %loop
+loop:
+  %i = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %js = add i64 %i, %region
+  %jc = add i64 %js, %region
+  %px = getelementptr double, ptr %buffer, i64 %i
+  %ps = getelementptr double, ptr %buffer, i64 %js
+  %pc = getelementptr double, ptr %buffer, i64 %jc
+  %x = load double, ptr %px
+  %s = call double @sin(double %x)
+  %c = call double @cos(double %x)
+  store double %s, ptr %ps
+  store double %c, ptr %pc
+  %next = add i64 %i, 1
+  %more = icmp ult i64 %next, %n
+  br i1 %more, label %loop, label %end
+end:
+  ret void
+}
+"""
+PART = 400  # operations per function of a divided graph
+WHOLE = 16_000  # the most operations that the optimiser joins
+WAITING = 750  # the most live values in functions that it joins
+ROLLED = 3_000  # operations from which on repetitions are written as loops
+_TWO_OPERANDS = {"pow", "atan2", "hypot", "fmod"}  # of the C library functions that are called lane by lane
+METADATA = """
+!0 = distinct !{!0}
+!1 = !{!3}
+!2 = !{!"branch_weights", i32 1, i32 100000}
+!3 = distinct !{!3, !0}
+"""
 
 
 def literal(value: float) -> str:
@@ -144,38 +179,7 @@ def sincos(lanes: Lanes, tag: str, x: str, fused: bool) -> tuple[list[str], str,
     return lines, out[0], out[1], beyond
 
 
-# The C library's sines and cosines of the first n numbers of a buffer, into its second and third region.
-EXACT_SINCOS = """
-define internal void @exact_sincos(ptr %buffer, i64 %n, i64 %region) noinline cold {
-entry:
-  br label %loop
-loop:
-  %i = phi i64 [ 0, %entry ], [ %next, %loop ]
-  %js = add i64 %i, %region
-  %jc = add i64 %js, %region
-  %px = getelementptr double, ptr %buffer, i64 %i
-  %ps = getelementptr double, ptr %buffer, i64 %js
-  %pc = getelementptr double, ptr %buffer, i64 %jc
-  %x = load double, ptr %px
-  %s = call double @sin(double %x)
-  %c = call double @cos(double %x)
-  store double %s, ptr %ps
-  store double %c, ptr %pc
-  %next = add i64 %i, 1
-  %more = icmp ult i64 %next, %n
-  br i1 %more, label %loop, label %end
-end:
-  ret void
-}
-"""
-
-
 # ---- The division of large graphs into functions, and the order in which their operations are written.
-
-PART = 400  # operations per function of a divided graph
-WHOLE = 16_000  # the most operations that the optimiser joins
-WAITING = 750  # the most live values in functions that it joins
-ROLLED = 3_000  # operations from which on repetitions are written as loops
 
 
 @dataclass(frozen=True)
@@ -221,16 +225,6 @@ def schedule(graph: Graph) -> Schedule:
         memory,
         joined,
     )
-
-
-_TWO_OPERANDS = {"pow", "atan2", "hypot", "fmod"}  # of the C library functions that are called lane by lane
-
-METADATA = """
-!0 = distinct !{!0}
-!1 = !{!3}
-!2 = !{!"branch_weights", i32 1, i32 100000}
-!3 = distinct !{!3, !0}
-"""
 
 
 def declarations(library: set[str], lanes: Lanes) -> list[str]:

@@ -24,6 +24,37 @@ from bellcrank.codegen.kernels import KINDS
 from bellcrank.codegen.locks import making
 
 _LENGTH = 8  # bytes of the size of quickly compiled code
+# The code is called through @target. Where there is none yet, @make asks Python for it; it fails where Python fails.
+_IR = """
+@target = global ptr null
+@make = global ptr null
+@maker = global ptr null
+
+define i32 @evaluate({parameters}) {{
+  %code = load atomic ptr, ptr @target acquire, align 8
+  %missing = icmp eq ptr %code, null
+  br i1 %missing, label %wanted, label %ready, !prof !0
+ready:
+  %status = tail call i32 %code({parameters})
+  ret i32 %status
+wanted:
+  %make = load ptr, ptr @make
+  %maker = load ptr, ptr @maker
+  %made = call ptr %make(ptr %maker)
+  %failed = icmp eq ptr %made, null
+  br i1 %failed, label %none, label %found
+none:
+  ret i32 1
+found:
+  %first = tail call i32 %made({parameters})
+  ret i32 %first
+}}
+!0 = !{{!"branch_weights", i32 1, i32 1000000}}
+"""
+_PARAMETERS = "ptr %inputs, ptr %outputs"
+_BATCH_PARAMETERS = "ptr %inputs, ptr %outputs, ptr %strides, i64 %samples"
+_FULL, _QUICK = 2, 0  # LLVM's levels
+_failures: list[BaseException] = []  # of code that the integrator needed
 
 
 @dataclass(frozen=True)
@@ -107,37 +138,6 @@ def _sizes(graph: Graph) -> dict[str, list[int]]:
 # faster code while it is used.
 
 
-# The code is called through @target. Where there is none yet, @make asks Python for it; it fails where Python fails.
-_IR = """
-@target = global ptr null
-@make = global ptr null
-@maker = global ptr null
-
-define i32 @evaluate({parameters}) {{
-  %code = load atomic ptr, ptr @target acquire, align 8
-  %missing = icmp eq ptr %code, null
-  br i1 %missing, label %wanted, label %ready, !prof !0
-ready:
-  %status = tail call i32 %code({parameters})
-  ret i32 %status
-wanted:
-  %make = load ptr, ptr @make
-  %maker = load ptr, ptr @maker
-  %made = call ptr %make(ptr %maker)
-  %failed = icmp eq ptr %made, null
-  br i1 %failed, label %none, label %found
-none:
-  ret i32 1
-found:
-  %first = tail call i32 %made({parameters})
-  ret i32 %first
-}}
-!0 = !{{!"branch_weights", i32 1, i32 1000000}}
-"""
-_PARAMETERS = "ptr %inputs, ptr %outputs"
-_BATCH_PARAMETERS = "ptr %inputs, ptr %outputs, ptr %strides, i64 %samples"
-
-
 class Entry:
     """An address that stays the same while the code behind it is replaced.
 
@@ -172,10 +172,6 @@ class Entry:
 @cache
 def _code(batch: bool, chosen: machine.Target) -> bytes:
     return machine.object_code(_IR.format(parameters=_BATCH_PARAMETERS if batch else _PARAMETERS), chosen)
-
-
-_FULL, _QUICK = 2, 0  # LLVM's levels
-_failures: list[BaseException] = []  # of code that the integrator needed
 
 
 @dataclass(frozen=True)

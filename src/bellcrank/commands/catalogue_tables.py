@@ -26,6 +26,18 @@ from bellcrank.sizing.selection.criteria import Criterion, lacks
 from bellcrank.sizing.selection.judge import CRITERIA
 
 _NONE = Motor(id="none", maker="", model="")
+SHOWN_IN = {  # unit of a field -> unit on the screen, factor
+    "rad/s": ("rpm", RPM),
+    "rad/s/V": ("rpm/V", RPM),
+    "kg m^2": ("g cm²", 1e7),
+    "rad": ("arcmin", 60.0 * 180.0 / math.pi),
+    "m": ("mm", 1e3),
+    "H": ("mH", 1e3),
+}
+LARGE_INERTIA = 1e-2  # kg m²; smaller ones are shown in g cm²
+Cells = Sequence[Sequence[str]]
+MOTOR_HEADER = ("id", "kind", "V", "continuous\nN m", "peak\nN m", "speed\nrpm", "mass\nkg", "maker", "quality")
+GEAR_HEADER = ("id", "kind", "ratio", "average\nN m", "peak\nN m", "efficiency", "mass\nkg", "maker", "quality")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,18 +95,6 @@ def _count(states: Mask) -> int | None:
     return int(states.any(axis=0).sum()) if len(states) else None
 
 
-SHOWN_IN = {  # unit of a field -> unit on the screen, factor
-    "rad/s": ("rpm", RPM),
-    "rad/s/V": ("rpm/V", RPM),
-    "kg m^2": ("g cm²", 1e7),
-    "rad": ("arcmin", 60.0 * 180.0 / math.pi),
-    "m": ("mm", 1e3),
-    "H": ("mH", 1e3),
-}
-LARGE_INERTIA = 1e-2  # kg m²; smaller ones are shown in g cm²
-Cells = Sequence[Sequence[str]]
-
-
 def overview(catalogue: Catalogue) -> str:
     """Lists of motors and gears, and what is known of them as a whole."""
     width = shutil.get_terminal_size((100, 24)).columns
@@ -111,10 +111,6 @@ def overview(catalogue: Catalogue) -> str:
     parts += [_counts(catalogue, len(wrong)), ""]
     parts += ["Products that state what a criterion needs:", _completeness(catalogue)]
     return "\n".join(parts)
-
-
-MOTOR_HEADER = ("id", "kind", "V", "continuous\nN m", "peak\nN m", "speed\nrpm", "mass\nkg", "maker", "quality")
-GEAR_HEADER = ("id", "kind", "ratio", "average\nN m", "peak\nN m", "efficiency", "mass\nkg", "maker", "quality")
 
 
 def _motor_row(motor: Motor, wrong: bool) -> list[str]:

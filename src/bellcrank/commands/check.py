@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from bellcrank.replays.film.film import Film
     from bellcrank.scene.scene import Scene
 
+CONFIGURATIONS = (".yaml", ".yml")
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MechanismCheck:
@@ -78,9 +80,6 @@ def check_mechanism(scene: Scene) -> MechanismCheck:
         away += ", but not near the given posture: another branch may be meant; write guesses nearer to it ({guess: …})"
     facts = [("start", away), *(("mobility", line) for line in str(mobility(scene)).splitlines())]
     return MechanismCheck(scene=scene, posture=q, facts=tuple(facts))
-
-
-CONFIGURATIONS = (".yaml", ".yml")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

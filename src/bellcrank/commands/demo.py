@@ -25,6 +25,8 @@ p { margin: 0 1rem .6rem; }
 code { background: #eef1f5; padding: .1rem .3rem; border-radius: .2rem; overflow-wrap: anywhere; }
 a { color: #0072b2; }
 """
+FOLDER = "bellcrank_demo"
+INDEX = "index.html"
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,6 @@ def _exhibit_html(exhibit: Exhibit) -> str:
         f"<h2>{escape(exhibit.title)}</h2><p>{escape(exhibit.result)}</p>"
         f"<p><code>{escape(exhibit.command)}</code></p><p>{links}</p></article>"
     )
-
-
-FOLDER = "bellcrank_demo"
-INDEX = "index.html"
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _EXTRA = re.compile(r"""extra\s*==\s*['"]([\w-]+)['"]""")
 
 State = Literal["ok", "missing", "fault"]
+_MARKS = {"ok": " ", "missing": "-", "fault": "!"}
+_SUBJECT = 12
 
 
 @dataclass(frozen=True)
@@ -237,10 +239,6 @@ def _extras() -> Iterator[InstallationFinding]:
         purpose = PURPOSES.get(extra, "")
         state = "installed" if not names else f"not installed ({', '.join(names)})"
         yield InstallationFinding(f"[{extra}]", f"{state}; for {purpose}" if purpose else state)
-
-
-_MARKS = {"ok": " ", "missing": "-", "fault": "!"}
-_SUBJECT = 12
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -26,6 +26,9 @@ from bellcrank.version import version
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
+AT = ("start", "equilibrium", "steady")
+NAMES = ("modes.json", "modes.mat", "modes.html", "root_loci.png", "root_loci.csv", "root_loci.json")
+
 
 def write_modes_page(scene: Scene, linear: Linearisation, path: str | Path, loci: RootLoci | None = None) -> Path:
     """Write one HTML page in which each mode moves; a click on a mode in the table shows it.
@@ -97,10 +100,6 @@ def _table(linear: Linearisation) -> str:
         '<section><h2>Modes</h2><div class="wide"><table><thead><tr>'
         f"{head}</tr></thead><tbody>{body}</tbody></table></div><p>Click the number of a mode to show it.</p></section>"
     )
-
-
-AT = ("start", "equilibrium", "steady")
-NAMES = ("modes.json", "modes.mat", "modes.html", "root_loci.png", "root_loci.csv", "root_loci.json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

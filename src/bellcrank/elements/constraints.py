@@ -46,6 +46,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 AXIAL: Final = {"hinge": Hinge, "prismatic": Prismatic, "planar": Planar}  # kinds with one axis
 PLAIN: Final[Mapping[str, type[Loop]]] = {"point": Point, "weld": Weld}  # kinds without further keys
 ROOTS: Final = {"mjcf": "mujoco", "sdf": "sdf"}  # the root element of the files of a kind
+Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # called with a name, an entry and its context
 
 
 def import_constraints(kind: str, name: str, read: Fields, context: ReadContext) -> list[Constraint]:
@@ -193,9 +194,6 @@ def _twelve(pose: Array) -> tuple[float, ...]:
 IMPORTERS: Final[Mapping[str, Callable[[Path, str, Fields, Robot], list[Constraint]]]] = {
     "gepetto": _gepetto, "mjcf": _robot_file, "sdf": _robot_file,
 }  # fmt: skip
-
-
-Reader = Callable[[str, Fields, ReadContext], Sequence[Constraint]]  # called with a name, an entry and its context
 
 
 def _reader(kind: type[Constraint]) -> Reader:

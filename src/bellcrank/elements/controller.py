@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 
 Gain = float | Mapping[str, float]
+BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "target": ANY, "mass_error": MASS_ERROR}
 
 
 def unit_of(joints: tuple[RobotJoint, ...], quantity: str) -> str:
@@ -141,9 +142,6 @@ def read_limit(read: Fields, joints: tuple[RobotJoint, ...], robot: Robot) -> Ga
 def read_mass_error(read: Fields) -> float:
     """Read the relative mass error of the controller's model, above -1. Raises InputError naming file and key."""
     return number(read, "mass_error", "", 0.0, MASS_ERROR)
-
-
-BOUNDS: Final = {"limit": POSITIVE, "kp": NONNEGATIVE, "kd": NONNEGATIVE, "target": ANY, "mass_error": MASS_ERROR}
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,16 @@ if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint
 
+# Units at a revolute joint or screw, and at a prismatic joint.
+JOINT_UNITS: Final = {
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s^2", "m/s^2"),
+    "torque": ("N m", "N"),
+    "stiffness": ("N m/rad", "N/m"),
+    "damping": ("N m s/rad", "N s/m"),
+}
+
 
 @dataclass(frozen=True)
 class AuxiliaryStates:
@@ -77,17 +87,6 @@ def _constant(values: tuple[float, ...]) -> tuple[Signal, Array]:
 def found_signal(time: Array, values: Array) -> Signal:
     """The signal with values (m, width) from the times (m,) s on, each until the next."""
     return Signal(np.append(time, time[-1] + 1.0), values[:, None, :], 0, True)
-
-
-# Units at a revolute joint or screw, and at a prismatic joint.
-JOINT_UNITS: Final = {
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s^2", "m/s^2"),
-    "torque": ("N m", "N"),
-    "stiffness": ("N m/rad", "N/m"),
-    "damping": ("N m s/rad", "N s/m"),
-}
 
 
 class Bound(NamedTuple):

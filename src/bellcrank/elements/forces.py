@@ -31,6 +31,8 @@ FIELDS = {
     "torque_stiffness": "N m/rad", "torque_damping": "N m s/rad", "force_stiffness": "N/m", "force_damping": "N s/m"
 }  # fmt: skip
 ZEROS = (0.0, 0.0, 0.0)
+UNITS: Final = {"stiffness": "N m/rad", "damping": "N m s/rad"}
+NO_ROTATION: Final = 1e-100  # keeps the direction of the rotation defined where there is none
 
 
 @dataclass(frozen=True)
@@ -154,10 +156,6 @@ def _halfway(turn: casadi.SX) -> casadi.SX:
     norm = casadi.sqrt((1.0 + w) ** 2 + casadi.dot(v, v))
     c, u = (1.0 + w) / norm, v / norm
     return (c * c - casadi.dot(u, u)) * casadi.SX.eye(3) + 2.0 * (u @ u.T + c * casadi.skew(u))
-
-
-UNITS: Final = {"stiffness": "N m/rad", "damping": "N m s/rad"}
-NO_ROTATION: Final = 1e-100  # keeps the direction of the rotation defined where there is none
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 WORLD = "world"
+AXES = {"axis": (1.0, 0.0, 0.0), "axis_2": (0.0, 1.0, 0.0)}  # of a universal joint, by key
 
 
 @dataclass(frozen=True)
@@ -260,9 +261,6 @@ def _none() -> casadi.SX:
     import casadi
 
     return casadi.SX(0, 1)
-
-
-AXES = {"axis": (1.0, 0.0, 0.0), "axis_2": (0.0, 1.0, 0.0)}  # of a universal joint, by key
 
 
 @dataclass(frozen=True)

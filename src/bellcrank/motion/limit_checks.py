@@ -16,6 +16,9 @@ from bellcrank.robot.model.joints import RobotLike
 
 MOST_TURNED = 4.0 * np.pi  # rad: a joint that turns further than this from 0 may be in degrees
 FAR_OUT = 6.0  # rad: and so may one that leaves its range by more than this
+LONGEST = 1e30  # s, from 0
+SHORTEST = 1e-20  # s, between rows
+LARGEST = (1e30, 1e50, 1e70)  # of positions and of their first and second derivatives, in SI units
 
 
 def limit_notes(
@@ -51,11 +54,6 @@ def limit_notes(
                 f"({np.degrees(column[worst]):.0f}°); were degrees meant? {remedy}"
             )
     return tuple(notes)
-
-
-LONGEST = 1e30  # s, from 0
-SHORTEST = 1e-20  # s, between rows
-LARGEST = (1e30, 1e50, 1e70)  # of positions and of their first and second derivatives, in SI units
 
 
 def check_times(title: str, time: Array) -> None:

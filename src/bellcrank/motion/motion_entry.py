@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 Posture = dict[str, float] | tuple[float, ...]
+_EXPECTED = "expected a list such as [pick, {motion: circle, repeat: 3}, {pause: 2 s}]"
 
 
 @dataclass(frozen=True)
@@ -104,9 +105,6 @@ def stretched(motion: Motion, factor: float) -> Motion:
         speed_noise=tuple(np.array(motion.speed_noise) / factor),
         forms=tuple(form.stretched(float(begin), factor) for form in motion.forms),
     )
-
-
-_EXPECTED = "expected a list such as [pick, {motion: circle, repeat: 3}, {pause: 2 s}]"
 
 
 @dataclass(frozen=True)

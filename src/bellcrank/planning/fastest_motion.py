@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 
 OPTIMAL = 1e-6  # the largest gap to the lower bound, and the largest excess, of a motion that is called optimal
+CELLS = 500  # of the grid on which the costs of limits are computed
+STEP = 1e-3  # relative change of a limit
+NO_COST = 1e-6  # relative: a limit of smaller derivative that is nowhere the most costly one is left out
 
 
 @dataclass(frozen=True)
@@ -267,11 +270,6 @@ def shares(active: Sequence[str], durations: Array) -> dict[str, float]:
         if name:
             found[name] = found.get(name, 0.0) + time / total
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-CELLS = 500  # of the grid on which the costs of limits are computed
-STEP = 1e-3  # relative change of a limit
-NO_COST = 1e-6  # relative: a limit of smaller derivative that is nowhere the most costly one is left out
 
 
 def active_limits(bounds: PathLimits, path: JointPath, timing: PathTiming | JerkTiming) -> Sequence[str]:

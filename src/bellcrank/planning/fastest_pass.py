@@ -45,6 +45,14 @@ CHECKED_EVERY = 10  # passes: the excess elsewhere in cells is found anew, and w
 MOST_CELLS = 20_000
 KINDS = ("most acceleration", "most deceleration", "along a speed limit", "change", "switching")
 SPEED_LIMIT = -2
+CELLS = 20_000  # at most
+CELLS_OF_LINKAGES = 5_000  # each place solves a system of equations
+PARTS = 4  # of a cell, as in lower_bound.hpp
+CLOSE = 2e-7  # relative: a bound that is as near to the time of a motion is near enough
+MARKED = 0.9  # share of the looseness of all cells that those have that are halved
+LEAST_MARKED = 0.05  # of the cells: how much a cell loosens the bound is an estimate
+LOOSE = 2e-9  # of the time, by which all cells loosen the bound: less does not matter
+SHORTEST = 1e-8  # in the parameter r: differences over shorter cells are rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,16 +219,6 @@ def _refuse_failure(found: dict[str, Any], path: JointPath, limits: PathLimits, 
         f"no motion along the path keeps the limits: at {share:.4g} % of the path the {names} cannot be kept at any "
         "speed; choose other limits, or another path"
     )
-
-
-CELLS = 20_000  # at most
-CELLS_OF_LINKAGES = 5_000  # each place solves a system of equations
-PARTS = 4  # of a cell, as in lower_bound.hpp
-CLOSE = 2e-7  # relative: a bound that is as near to the time of a motion is near enough
-MARKED = 0.9  # share of the looseness of all cells that those have that are halved
-LEAST_MARKED = 0.05  # of the cells: how much a cell loosens the bound is an estimate
-LOOSE = 2e-9  # of the time, by which all cells loosen the bound: less does not matter
-SHORTEST = 1e-8  # in the parameter r: differences over shorter cells are rounding
 
 
 def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) -> float:

@@ -48,6 +48,7 @@ PARTS = 8  # of an interval that is divided
 EXCESS = 1e-10  # that is left between samples, as a share of a limit
 LEVELS = 14
 DIVIDED = 20_000  # intervals at most, those that may exceed most first
+DRAWN = 121
 
 
 @dataclass(frozen=True)
@@ -148,9 +149,6 @@ def _use(part: Part, factor: float) -> Array:
     time, arrays, speeds = part
     used = 1.0 + excess(arrays, np.full(len(time), factor), np.zeros(len(time)))
     return np.asarray(np.max([used, *(factor / largest for largest in speeds)], axis=0))
-
-
-DRAWN = 121
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

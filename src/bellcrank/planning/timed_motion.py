@@ -33,6 +33,15 @@ STEADY = 3.0  # times the rate of change of the acceleration in the cells beside
 SMOOTH = 1e-5  # of the largest acceleration: a larger change from one cell to the next is a jump
 NOWHERE: Array = np.zeros(0)
 REPRODUCED = 3e-7  # of the largest acceleration: by how much a quintic may differ
+CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
+KEPT = 7e-7  # share of a limit: a motion that exceeds none by more is not slowed
+AIMED = 3e-7  # share of a limit that a slowed motion may exceed
+MOST_SLOWED = 2e-3  # of the speed
+TOLERATED = 1e-3  # share of a limit: where more is exceeded, a motion on a grid is tried
+LASTING = 1e-5  # of the whole time: not where it is exceeded for a shorter time
+CELLS = 4000  # of that grid
+EXCEEDED = 1e-6  # share of a limit: a motion that exceeds it by less keeps it
+SIGN_KNOWN = 1e-9  # of a joint's largest speed: below, the sign of a speed is rounding
 
 
 class PathRow(NamedTuple):
@@ -208,17 +217,6 @@ def _quintic(begin: Array, end: Array, share: Array) -> Array:
     speed = (v0 + a0 * share + 3.0 * c3 * share**2 + 4.0 * c4 * share**3 + 5.0 * c5 * share**4) / t
     acceleration = (a0 + 6.0 * c3 * share + 12.0 * c4 * share**2 + 20.0 * c5 * share**3) / (t * t)
     return np.column_stack([t0 + share * t, place, speed, acceleration])
-
-
-CHECKED_SHARES = (0.0, 0.13, 0.37, 0.5, 0.63, 0.87, 1.0)  # of the time between two rows
-KEPT = 7e-7  # share of a limit: a motion that exceeds none by more is not slowed
-AIMED = 3e-7  # share of a limit that a slowed motion may exceed
-MOST_SLOWED = 2e-3  # of the speed
-TOLERATED = 1e-3  # share of a limit: where more is exceeded, a motion on a grid is tried
-LASTING = 1e-5  # of the whole time: not where it is exceeded for a shorter time
-CELLS = 4000  # of that grid
-EXCEEDED = 1e-6  # share of a limit: a motion that exceeds it by less keeps it
-SIGN_KNOWN = 1e-9  # of a joint's largest speed: below, the sign of a speed is rounding
 
 
 @dataclass(frozen=True, eq=False)

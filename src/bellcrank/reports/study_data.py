@@ -47,6 +47,9 @@ MOST_MOTIONS = 200
 MOST_DESIGNS = 4000  # of the map
 LARGEST = 3_500_000  # characters of the motions; a page has half a megabyte besides
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_PARAMETER = re.compile(r"\A(?:parameters\.)?(.+?)(?:\.value)?\Z")
+_PAYLOAD = re.compile(r"\Apayloads?\.(?:(\d+)\.)?(mass|cg)(?:\.(\w+))?\Z")
+_DURATION = re.compile(r"\A(motions\..+)\.duration\Z")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,11 +223,6 @@ def _hint(designs: int, plotted: int, movable: int) -> str:
         f"A click shows the nearest of {movable:,} designs whose motion is in this page (large dots)"
     )  # fmt: skip
     return f"{drawn}{which}; its links have its own lengths."
-
-
-_PARAMETER = re.compile(r"\A(?:parameters\.)?(.+?)(?:\.value)?\Z")
-_PAYLOAD = re.compile(r"\Apayloads?\.(?:(\d+)\.)?(mass|cg)(?:\.(\w+))?\Z")
-_DURATION = re.compile(r"\A(motions\..+)\.duration\Z")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

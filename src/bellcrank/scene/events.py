@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 
 FLAT = 1e-4  # rad: below this angle to the plane the lowest point of a disk is not well defined
+DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
+CONDITIONS: Final = ("joint", "expression", "aligned", "singular_constraints", "contact_lost", "friction_demand")
 
 
 class Condition(Protocol):
@@ -198,10 +200,6 @@ def read_contact(read: Fields, key: str, constraints: Sequence[Constraint]) -> s
     if name not in disks:
         raise read.error(key, unknown_name("rolling disk", name, disks))
     return name
-
-
-DIRECTIONS: Final = {"up": 1, "down": -1, "any": 0}
-CONDITIONS: Final = ("joint", "expression", "aligned", "singular_constraints", "contact_lost", "friction_demand")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,10 @@ from bellcrank.robot.robot import RobotJoint
 if TYPE_CHECKING:
     from bellcrank.elements.symbols import Symbols
 
+JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
+ENERGIES: Final = ("kinetic", "potential", "total")
+CONSTRAINT_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
+
 
 class Reactions(Protocol):
     """The constraint forces of a scene, as expressions."""
@@ -70,9 +74,6 @@ FRAME_LABELS: Final = {
     "rotation": tuple(f"r{i}{j} [1]" for i in (1, 2, 3) for j in (1, 2, 3)),
     "angular_velocity": tuple(f"{c} [rad/s]" for c in "xyz"),
 }
-JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")
-ENERGIES: Final = ("kinetic", "potential", "total")
-CONSTRAINT_WHAT: Final = ("multipliers", "contact_point", "friction_demand")
 MOMENTA: Final = {
     "linear": tuple(f"{c} [kg m/s]" for c in "xyz"),
     "angular": tuple(f"{c} [kg m^2/s]" for c in "xyz"),

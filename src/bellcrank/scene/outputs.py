@@ -61,6 +61,7 @@ if TYPE_CHECKING:
 
 
 FRAME_WHAT = {"position": "", "velocity": "v", "angular_velocity": "w"}  # what precedes x, y, z in a term
+ALL = "all"  # forces and controllers
 
 
 class OutputTerms:
@@ -105,9 +106,6 @@ class OutputTerms:
     def _expression(self, entry: Fields) -> Expression:
         given = entry.raw("expression")
         return parse_expression(str(given), self._robot, self._parameters, self)
-
-
-ALL = "all"  # forces and controllers
 
 
 @dataclass(frozen=True)

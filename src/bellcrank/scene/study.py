@@ -11,6 +11,8 @@ from bellcrank.messages import format_value
 
 METHODS = ("sobol", "latin", "random")
 MOST_POINTS = 10**7
+MOST_DESIGNS, MOST_STARTS, MOST_FRONT_POINTS = 10**6, 1000, 1000
+STEPPED = ("lower", "upper", "step")
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,6 @@ def read_study(read: Fields) -> Study:
     read.known("sample", "method", "seed")
     read.done()
     return Study(vary, sample, method, seed, place)
-
-
-MOST_DESIGNS, MOST_STARTS, MOST_FRONT_POINTS = 10**6, 1000, 1000
-STEPPED = ("lower", "upper", "step")
 
 
 @dataclass(frozen=True)

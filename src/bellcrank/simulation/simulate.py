@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 
 RECENT = 4  # integrations of a scene that are kept for the next call
+NAME = "controller"  # the argument of `simulate`
 
 
 def prepare_integration(scene: Scene, given: Mapping[str, Any], times: Any = None) -> Integration:
@@ -225,8 +226,6 @@ def simulate(
 
 
 # ---- A scene with a controller that is a Python function.
-
-NAME = "controller"  # the argument of `simulate`
 
 
 def with_function(scene: Scene, function: Callable[[float, Array, Array], Any], sample_time: float | None) -> Scene:

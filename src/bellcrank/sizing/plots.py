@@ -48,6 +48,15 @@ if TYPE_CHECKING:
 
 
 POINTS = 1001  # a motion with fewer rows is drawn with this many points besides them
+LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
+LIMIT = "#b30000"
+CURVE = "#1a1a1a"
+KINDS = ("motors", "joints", "time")
+OVER_TIME = {
+    "revolute": ("angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
+    "prismatic": ("position [m]", "speed [m/s]", "acceleration [m/s²]", "joint force [N]"),
+    "screw": ("screw angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +100,6 @@ def drawn_states(motion: Motion) -> SampledStates:
     at = np.searchsorted(motion.time, between)
     values = (between, *motion.at(between))
     return SampledStates(*(np.insert(old, at, new, axis=0) for old, new in zip(rows, values, strict=True)))
-
-
-LEAST_WIDTH = 8.5  # inches: title and legend need it where there is one panel only
-LIMIT = "#b30000"
-CURVE = "#1a1a1a"
 
 
 def joint_figure(sizing: Sizing, motions: Sequence[DrawnMotion]) -> Figure:
@@ -247,14 +251,6 @@ def _limit_box(axis: Axes, speed: float, effort: float) -> None:
         if math.isfinite(speed):
             axis.axvline(sign * speed, color=LIMIT, linestyle="--", linewidth=1.0, label=label)
             label = None
-
-
-KINDS = ("motors", "joints", "time")
-OVER_TIME = {
-    "revolute": ("angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
-    "prismatic": ("position [m]", "speed [m/s]", "acceleration [m/s²]", "joint force [N]"),
-    "screw": ("screw angle [rad]", "speed [rad/s]", "acceleration [rad/s²]", "joint torque [N m]"),
-}
 
 
 def write_plots(sizing: Sizing, folder: str | Path) -> list[Path]:

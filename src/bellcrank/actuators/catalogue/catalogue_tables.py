@@ -34,6 +34,7 @@ LONGEST_TEXT = 4000  # letters of a cell
 _OTHERS = ((";", "semicolons"), ("\t", "tabs"))
 _HEADER = re.compile(r"\A([^\[\]]*)(?:\[([^\[\]]*)\])?\Z")
 _DECIMAL_COMMA = re.compile(r"\A[-+]?\d+,\d+\Z")
+Product = Motor | Gear
 
 
 @dataclass(frozen=True)
@@ -202,9 +203,6 @@ def text(row: CatalogueRow, header: Header) -> str | None:
     if not cell.isprintable():
         raise row.error(header.title, "the text has a line break or a control character; remove it")
     return cell
-
-
-Product = Motor | Gear
 
 
 class Placed(NamedTuple):

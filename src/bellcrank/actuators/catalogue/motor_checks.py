@@ -18,6 +18,7 @@ _MAXON = "maxon, key information on motor data"
 _LINE = "the DC-equivalent motor, U = R I + k ω, M = k I"
 _ROUNDING = "printed figures have two to four digits"
 _TORQUE_TOLERANCE = "makers state torque constants to within 10 %"
+_DENSITY = 6000.0  # kg/m³, of motors as a whole: between aluminium and copper
 
 
 def _stall_current(motor: Motor) -> Figures:
@@ -240,9 +241,6 @@ ELECTRICAL_CHECKS: tuple[Check[Motor], ...] = (
         advice="check no-load current, stall current and efficiency",
     ),
 )
-
-
-_DENSITY = 6000.0  # kg/m³, of motors as a whole: between aluminium and copper
 
 
 def _acceleration_time(motor: Motor) -> float | None:

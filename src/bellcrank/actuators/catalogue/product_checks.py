@@ -12,6 +12,7 @@ from bellcrank import arguments
 
 Points = tuple[tuple[float, float], ...]
 COLDEST = -273.15  # °C
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,6 @@ def torque_speed_curve(name: str, value: object, where: str) -> Points | None:
                 where,
             )
     return points
-
-
-P = TypeVar("P")
 
 
 @dataclass(frozen=True, kw_only=True)

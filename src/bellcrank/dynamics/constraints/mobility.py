@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 MASSLESS = 1e-6  # of a coordinate's own inertia: the least that a motion counts with
 LOST = 1e-8  # of the largest singular value: smaller ones count as 0
+SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0
+MOVING = 1e-6  # of the largest rate: a joint that moves less in a freedom is at rest
+ASIDE = 0.02  # rad or characteristic lengths: how far away the mobility of neighbouring postures is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +96,6 @@ def _whitening(mass: Array) -> Array:
             "and inertias"
         )
     return np.asarray(vectors / np.sqrt(np.maximum(values, MASSLESS)) / size[:, None])
-
-
-SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0
-MOVING = 1e-6  # of the largest rate: a joint that moves less in a freedom is at rest
-ASIDE = 0.02  # rad or characteristic lengths: how far away the mobility of neighbouring postures is looked at
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

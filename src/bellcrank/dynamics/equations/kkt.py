@@ -50,6 +50,8 @@ PROJECTING = 1  # the same for projections, whose corrections are small
 REGULARISATION = 1e-9  # μ, as a share of a row's J M⁻¹ Jᵀ
 LEAST = 1e-14  # the same at rest where the row vanishes
 NEAR_SINGULAR = 1e-4  # a pivot below this share of its usual value calls for the proximal solve
+SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0, as in mobility.py
+MASSLESS = 1e-13  # of the largest eigenvalue of the reduced mass matrix
 
 
 class Factor:
@@ -240,10 +242,6 @@ def _pattern(matrix: casadi.SX) -> Pattern:
     pattern = np.zeros(matrix.shape, dtype=bool)
     pattern[rows, columns] = True
     return pattern
-
-
-SINGULAR = 1e-8  # of the largest singular value of J: a smaller one counts as 0, as in mobility.py
-MASSLESS = 1e-13  # of the largest eigenvalue of the reduced mass matrix
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

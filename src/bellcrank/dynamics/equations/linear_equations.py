@@ -44,6 +44,11 @@ if TYPE_CHECKING:
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene
 
+DIRECTIONS = ("position", "velocity", "acceleration", "multipliers", "time", "torque", "signals", "parameters")
+_STORED = {str: (int, int, [int], [int])}
+AT_SWITCH = 1e-12  # of a function of a switch, SI units: this state is at the switch
+_RESIDUAL = ("position", "velocity", "time", "torque", "signals", "parameters")
+
 
 @dataclass(frozen=True, kw_only=True)
 class ImplicitEquations:
@@ -154,11 +159,6 @@ class _GivenReactions:
     def closeness(self) -> casadi.SX:
         """Not available: only events use it, and these are not part of the equations."""
         raise InputError("the distance to a singularity has no derivative here; it is available to events only")
-
-
-DIRECTIONS = ("position", "velocity", "acceleration", "multipliers", "time", "torque", "signals", "parameters")
-_STORED = {str: (int, int, [int], [int])}
-AT_SWITCH = 1e-12  # of a function of a switch, SI units: this state is at the switch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -346,9 +346,6 @@ def _refuse_switching(scene: Scene, time: float, q: Array, v: Array) -> None:
                 f"{scene.source}: the force of '{name}' is not smooth at this state, where one of its formulas "
                 "switches; linearise beside it"
             )
-
-
-_RESIDUAL = ("position", "velocity", "time", "torque", "signals", "parameters")
 
 
 def _slope(e: ImplicitEquations, expression: casadi.SX, direction: str) -> casadi.SX:

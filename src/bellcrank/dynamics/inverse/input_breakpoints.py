@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 SAME_TIME = 1e-12  # s, or of a time beyond 1 s: the rounding between a row of a motion and one of a table
 LEAST_APART = 1e-9  # the same, between a row of a motion and a row of a table that is added to it
+AT_START = 1e-12  # s
+MOVING = 1e-4  # of a motion's largest speed: smaller jumps are rounding of files, and are removed by projection
 
 
 def force_times(time: Array, end: float | None = None) -> Array:
@@ -103,10 +105,6 @@ def _jumps(mechanism: Mechanism, times: Array) -> Mask:
             scale = np.abs(signal.at(signal.breaks)).max(initial=0.0)
             found |= (np.abs(after - before) > SMALL_JUMP * scale).any(axis=1)
     return found
-
-
-AT_START = 1e-12  # s
-MOVING = 1e-4  # of a motion's largest speed: smaller jumps are rounding of files, and are removed by projection
 
 
 @dataclass(frozen=True)

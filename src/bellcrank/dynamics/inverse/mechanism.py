@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from bellcrank.codegen.compile import Compiled
     from bellcrank.elements.element import Force
 
+DRY_WIDTH = 1e-6  # rad/s or m/s: speeds beside a reversal, where dry friction is at its largest
+
 
 class OpenChain:
     """A robot alone, or a scene whose only constraints are prescribed motions, as a `Mechanism`.
@@ -260,9 +262,6 @@ def parameter_values(mechanism: Mechanism) -> tuple[tuple[str, float, str], ...]
     """(name, value, unit) of the scene's parameters, which all apply in inverse dynamics."""
     scene = mechanism.equations.scene
     return () if scene is None else tuple((name, p.value, p.unit) for name, p in scene.parameters.items())
-
-
-DRY_WIDTH = 1e-6  # rad/s or m/s: speeds beside a reversal, where dry friction is at its largest
 
 
 @dataclass(frozen=True)

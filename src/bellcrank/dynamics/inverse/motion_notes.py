@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from bellcrank.motion.motion import Motion
     from bellcrank.scene.scene import Scene
 
+ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a start and a motion that counts as the same
+
 
 def path_notes(scene: Scene, names: Iterable[str]) -> list[str]:
     """A sentence for each of the scene's motions with these names whose frame moves along another path than given."""
@@ -51,9 +53,6 @@ def changed_lengths(scene: Scene) -> list[str]:
                 if abs(parameter.value - now) > 1e-9 * max(1.0, abs(now)) and name not in found:
                     found.append(name)
     return found
-
-
-ELSEWHERE = 1e-6  # m, or of a quaternion: the largest difference between a start and a motion that counts as the same
 
 
 def mechanism_notes(mechanism: Mechanism) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 WELL_CONDITIONED = 1e3  # entry of the inverse of a scaled Jacobian, up to which it loses few digits
 MASSLESS = 1e-13  # of the largest inertia of a joint: an idle rotation with less has no inertia
+MATTERS = 0.05  # of a motor's largest torque: a rotation that changes it by more is not idle
 
 
 class IdleResponse(NamedTuple):
@@ -196,9 +197,6 @@ def _cannot_move(linkage: Linkage, freedoms: int, too_few: bool, time: float | N
         f"{freedoms} degree{'s' * (freedoms != 1)} of freedom{besides} of {linkage.robot.name}{when}; actuate "
         f"{'more joints' if too_few else 'another joint, or keep away from that posture'}"
     )
-
-
-MATTERS = 0.05  # of a motor's largest torque: a rotation that changes it by more is not idle
 
 
 def freed_motion(linkage: Linkage, motion: Motion) -> Motion:

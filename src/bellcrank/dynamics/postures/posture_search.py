@@ -32,6 +32,14 @@ if TYPE_CHECKING:
 
 Codes = NDArray[np.int32]
 Method = Literal["nearest", "damped", "continued"]
+ROUNDED = 1e-11  # rad, or of the characteristic length: a residual that rounding may keep from decreasing
+FARTHEST = 5_000.0  # rad, or of the characteristic length: that leading joints may move from one row to the next
+Restarts = Sequence[tuple[int, float]]
+RESTARTS = ((8, 0.2), (16, 0.5), (40, 1.0))  # how many random postures, in which share of the joints' ranges
+SEED = 15
+TOUCHING = 1e-9  # rad or m: by so much a start within a joint's range may be outside
+APPROACHES = 40  # attempts to move a start towards the given posture
+NEAR = 1e-6  # of the distance: approaches that gain less end
 
 
 class StartCode(IntEnum):
@@ -124,9 +132,6 @@ def search_postures(
 
 # ---- Postures along a motion.
 
-ROUNDED = 1e-11  # rad, or of the characteristic length: a residual that rounding may keep from decreasing
-FARTHEST = 5_000.0  # rad, or of the characteristic length: that leading joints may move from one row to the next
-
 
 class Way(NamedTuple):
     """What n rows of a motion prescribe: times (n,), s, inputs (n, nu) of the equations, positions of joints (n, k).
@@ -180,14 +185,6 @@ def follow_postures(equations: StartEquations, designs: Constrained, q: Array, w
         threads,
     )
     return Followed(found.reshape(len(q), len(way.time), q.shape[1]), rows, share)
-
-
-Restarts = Sequence[tuple[int, float]]
-RESTARTS = ((8, 0.2), (16, 0.5), (40, 1.0))  # how many random postures, in which share of the joints' ranges
-SEED = 15
-TOUCHING = 1e-9  # rad or m: by so much a start within a joint's range may be outside
-APPROACHES = 40  # attempts to move a start towards the given posture
-NEAR = 1e-6  # of the distance: approaches that gain less end
 
 
 class Stage(NamedTuple):

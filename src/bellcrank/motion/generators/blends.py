@@ -34,6 +34,8 @@ from bellcrank.motion.limit_checks import LONGEST
 SHORTEST = 1e-9  # of a segment: the third derivative of a shorter blend overflows
 HALF = 0.5 * (1.0 + 1e-9)  # of a segment: a longer blend would meet the next one
 STEEPEST, MOST_BENT = 15.0 / 8.0, 10.0 / sqrt(3.0)  # largest h' and |h''|
+Pieces = list[tuple[float, float, float]]  # duration, acceleration at the beginning, jerk
+SHORT = 1e-12  # of the whole time: shorter pieces are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,10 +161,6 @@ def _blend(first: Segment, second: Segment, radius: float, s: Array) -> tuple[Ar
         a1 * (1.0 - h) + b1 * h,
         a2 * (1.0 - h) ** 2 + b2 * h * h + (b1 - a1) * slope,
     )
-
-
-Pieces = list[tuple[float, float, float]]  # duration, acceleration at the beginning, jerk
-SHORT = 1e-12  # of the whole time: shorter pieces are left out
 
 
 @dataclass(frozen=True, kw_only=True)

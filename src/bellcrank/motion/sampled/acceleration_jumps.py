@@ -25,6 +25,16 @@ from bellcrank.motion.motion import Motion
 from bellcrank.motion.sampled.file_checks import typical_noise
 
 AT_END = 1e-3  # of the step: a jump this close to a sample is at the sample
+DEVIATION = 1e-3  # of a joint's largest acceleration: a smaller deviation from what the neighbours predict is smooth
+EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this
+MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
+EXACT = 1e-6  # of a jump: only a real jump fits so well
+RISE = 6.0  # times the deviation of the steps beside it: a jump stands out by this
+MANY = 200  # steps of one joint that deviate: more than this are noise
+TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
+EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
+RETURN = 5e-4  # of a joint's largest acceleration, times h²: by how much a step may lead a moved position back
+EDGES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass(frozen=True)
@@ -119,18 +129,6 @@ def _roots(coefficients: list[float]) -> list[float]:
     while coefficients and coefficients[0] == 0.0:
         coefficients = coefficients[1:]
     return [float(root.real) for root in np.roots(coefficients) if abs(root.imag) <= 1e-6 * abs(root)]
-
-
-DEVIATION = 1e-3  # of a joint's largest acceleration: a smaller deviation from what the neighbours predict is smooth
-EXCESS = 5e-3  # of a joint's largest acceleration: the quintic may exceed the samples by this
-MISFIT = 4e-3  # of a jump: the two integrals agree with one time of the jump to this (a ramp is 4e-2 away)
-EXACT = 1e-6  # of a jump: only a real jump fits so well
-RISE = 6.0  # times the deviation of the steps beside it: a jump stands out by this
-MANY = 200  # steps of one joint that deviate: more than this are noise
-TOGETHER = 5e-3  # of the step: joints that jump this close to each other jump at one time
-EQUAL = 1e-9  # of a joint's largest acceleration: limits that differ by less are one
-RETURN = 5e-4  # of a joint's largest acceleration, times h²: by how much a step may lead a moved position back
-EDGES = np.linspace(0.0, 1.0, 17)
 
 
 @dataclass

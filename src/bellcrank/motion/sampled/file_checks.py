@@ -22,6 +22,16 @@ EXACT = 12  # significant digits from which numbers count as exact
 MOST = 1e-3  # of a column's range: numbers with few digits, typed by hand, are exact though they have few
 # Σ|w| of the derivative w · x / h at the end of six samples h apart, which is the quintic spline's there
 END_WEIGHTS = 137 / 60 + 5 + 5 + 10 / 3 + 5 / 4 + 1 / 5
+SLIGHT = 0.01  # of the largest value: columns may disagree by this
+CLOSE = 1e-3  # of the median step: rows closer than this may be merged
+NOISE = 0.01  # of the largest acceleration: merged where rounding may change the acceleration between rows by more
+AMPLIFIED = 6.0  # times rounding / step²: what it changes in an acceleration between two rows
+EQUAL = 1e-6  # of the largest: speeds and accelerations that differ by less are equal
+TURN = 2.0 * np.pi
+FAR = 5.0  # times the largest speed elsewhere: the speed that a jump by a turn would need
+SIMILAR = 1.5  # times the largest speed elsewhere: at most the speed that is left without the turn
+FEW_STEPS = 4  # steps: fewer do not say how fast a joint moves elsewhere
+NAMED = 3  # places that a note names
 
 
 def half_unit(column: Array) -> float:
@@ -94,9 +104,6 @@ def rounding_of(columns: Sequence[Array]) -> float:
     return 0.0 if unit < 1e-12 * largest else 0.5 * unit
 
 
-SLIGHT = 0.01  # of the largest value: columns may disagree by this
-
-
 def inconsistencies(
     motion: Motion, time: Array, position: Array, velocity: Array, acceleration: Array | None
 ) -> tuple[str, ...]:
@@ -162,17 +169,6 @@ def _of_acceleration(motion: Motion, time: Array, velocity: Array, acceleration:
             f"acceleration {low[row]:.4g} to {high[row]:.4g} {unit}; check the units of its columns"
         )
     return tuple(found)
-
-
-CLOSE = 1e-3  # of the median step: rows closer than this may be merged
-NOISE = 0.01  # of the largest acceleration: merged where rounding may change the acceleration between rows by more
-AMPLIFIED = 6.0  # times rounding / step²: what it changes in an acceleration between two rows
-EQUAL = 1e-6  # of the largest: speeds and accelerations that differ by less are equal
-TURN = 2.0 * np.pi
-FAR = 5.0  # times the largest speed elsewhere: the speed that a jump by a turn would need
-SIMILAR = 1.5  # times the largest speed elsewhere: at most the speed that is left without the turn
-FEW_STEPS = 4  # steps: fewer do not say how fast a joint moves elsewhere
-NAMED = 3  # places that a note names
 
 
 @dataclass(frozen=True, eq=False)

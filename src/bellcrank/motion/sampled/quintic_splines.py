@@ -15,6 +15,11 @@ from bellcrank.motion.coordinates import continuous, from_rates, rates
 from bellcrank.robot.model.joints import JointLike
 
 FEWEST = 6  # points of a spline whose ends are not-a-knot
+AMPLIFIED = (
+    6.0  # max 60 s (1 − s) (1 − 2 s): times rounding / step² it is what rounding changes in the second derivative
+)
+VISIBLE = 1e-4  # of the second derivative
+Ends = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +61,6 @@ def too_close(times: Array) -> InputError:
         f"no smooth curve passes through {len(times)} points whose times lie as close as {least:.3g} s; "
         "leave some of them out"
     )
-
-
-AMPLIFIED = (
-    6.0  # max 60 s (1 − s) (1 − 2 s): times rounding / step² it is what rounding changes in the second derivative
-)
-VISIBLE = 1e-4  # of the second derivative
-Ends = tuple[Array, Array]
 
 
 def quintic(

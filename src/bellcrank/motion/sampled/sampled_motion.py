@@ -30,6 +30,12 @@ AGREES = 0.05  # of a jump times h²: what a jump found in positions may miss
 GOOD = 0.01  # and what leaves no doubt of where it is
 NEAR = 12  # samples on either side of a jump that say where it is
 LEAST = 1e-4  # of the largest acceleration: smaller jumps are left to the spline
+NOISE = 0.01  # of the largest acceleration: more noise of rounding than this makes rows be left out
+SPREAD = (6.0, 3.0)  # times rounding / h^order: the noise in accelerations of a spline of positions, velocities
+FAR = 4.0  # times rounding: how far the curve may pass a position
+UNDETERMINED = 0.02  # of the largest acceleration: by this the curve may exceed the samples' differences
+NEGLIGIBLE = 1e-6  # of the largest acceleration of all joints: a smaller one is not looked at
+ROUNDINGS = 64.0  # of the samples, whose differences are no acceleration
 
 
 def positions_differentiated(time: Array, position: Array, rounding: float) -> tuple[Array, Array, list[int]]:
@@ -149,14 +155,6 @@ def _sliding(difference: Array, width: int) -> Array:
     """Largest of the differences (m,) across each of the m + width − 1 steps."""
     padded = np.pad(difference, width - 1)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=1))
-
-
-NOISE = 0.01  # of the largest acceleration: more noise of rounding than this makes rows be left out
-SPREAD = (6.0, 3.0)  # times rounding / h^order: the noise in accelerations of a spline of positions, velocities
-FAR = 4.0  # times rounding: how far the curve may pass a position
-UNDETERMINED = 0.02  # of the largest acceleration: by this the curve may exceed the samples' differences
-NEGLIGIBLE = 1e-6  # of the largest acceleration of all joints: a smaller one is not looked at
-ROUNDINGS = 64.0  # of the samples, whose differences are no acceleration
 
 
 def sampled_motion(

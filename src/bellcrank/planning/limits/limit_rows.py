@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 
 NEGLIGIBLE = 1e-12  # of the largest |A|: smaller ones are rounding
+Row = tuple[int, int, int, int, int, float, float]
+NO_CURVE = (-1, -1, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +94,6 @@ class ToolLimits:
             parts.append((along, lengthwise / np.where(along > 0.0, along, np.inf), across))
         along, bend, across = (np.ascontiguousarray(np.stack(columns, axis=1)) for columns in zip(*parts, strict=True))
         return NormCoefficients(along, bend, across, np.array([limit for _, _, limit in given]))
-
-
-Row = tuple[int, int, int, int, int, float, float]
-NO_CURVE = (-1, -1, -1)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,9 @@ BOUND_FACTORS = (1.0, 5.0, 25.0)  # on the bound, if it takes too many numbers
 ROUNDING = 0.05  # share of the bound for the rounding of times and values in a page
 CHART_ORDER = ("outputs", "position", "velocity", "energy")  # first words of titles
 CHART_ORDER_CONSTRAINED = ("position", "velocity", "multiplier", "energy", "outputs")
+Limits = tuple[tuple[str, Array], ...]
+RPM = 30.0 / math.pi
+MOST_RMS_POINTS = 3  # motions with a point each; of more motions, the one with the largest RMS torque has a point
 
 
 def run_charts(run: Trajectory) -> tuple[tuple[Chart, ...], Array]:
@@ -106,11 +109,6 @@ def join_times(parts: Sequence[Array]) -> Array:
     for before, after in pairwise(parts):
         rows += [np.array([0.5 * (before[-1] + after[0])]), after]
     return np.concatenate(rows)
-
-
-Limits = tuple[tuple[str, Array], ...]
-RPM = 30.0 / math.pi
-MOST_RMS_POINTS = 3  # motions with a point each; of more motions, the one with the largest RMS torque has a point
 
 
 def motor_speed_torque(

@@ -37,6 +37,12 @@ SECOND_SIDE: Colour = (0.1, 0.3, 0.9, 1.0)
 UP = np.array([0.0, 0.0, 1.0])
 PALE: Colour = (0.8, 0.81, 0.83, 1.0)  # of the robot beside gaps
 THICKNESS = 0.01  # of the size of the robot: the radius of the balls at both sides of a gap
+SECONDS = 6.0  # of the film for each mode
+PERIODS = 3  # of an oscillation in that time
+SAMPLES = 120  # postures of each mode
+AMPLITUDE = 0.35  # rad or characteristic lengths: the largest displacement of a mode
+SMALLER = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of it that are tried where loops cannot be closed
+RANGE = 3.0  # a growth or decay by e³ is shown
 
 
 def film_of_start(scene: Scene, posture: Array, gaps: Sequence[Gap], facts: Sequence[tuple[str, str]]) -> Film:
@@ -121,14 +127,6 @@ def _gap_bodies(placed: SceneFrames, gaps: Sequence[Gap], thickness: float) -> I
             pose = pose_along(between, 0.5 * (points[0] + points[1]))
             shapes.append(DrawnShape(kind="cylinder", size=(0.5 * thickness, length), colour=FIRST_SIDE, pose=pose))
         yield gap, DrawnBody(f"gap {gap.constraint}", tuple(shapes))
-
-
-SECONDS = 6.0  # of the film for each mode
-PERIODS = 3  # of an oscillation in that time
-SAMPLES = 120  # postures of each mode
-AMPLITUDE = 0.35  # rad or characteristic lengths: the largest displacement of a mode
-SMALLER = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of it that are tried where loops cannot be closed
-RANGE = 3.0  # a growth or decay by e³ is shown
 
 
 def film_of_modes(scene: Scene, linear: Linearisation) -> Film:

@@ -26,6 +26,15 @@ from bellcrank.robot.formats.xml_tree import decoded
 ReadReferenced = Callable[[str], bytes | None]  # content of a file that the mesh file names; None if there is none
 MOST_FACES, MOST_PARTS = 4_000_000, 20_000
 MOST_LIBRARIES, MOST_TEXTURES = 20, 1000  # material files and textures that one file may name
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_HEADER = 84  # bytes before the facets: text and the number of facets
+_SOLID = re.compile(rb"^[ \t]*(?:end)?solid[^\r\n]*", re.MULTILINE)  # with its name, which may be "vertex"
+MOST_POINTS = 50_000_000  # vertices of all instances of a file's meshes
+MOST_ELEMENTS, MOST_DEPTH = 400_000, 250
+MOST_USES = 200_000  # instances of nodes and shapes in a scene
+MOST_CHAIN = 50  # nodes that instantiate each other in a row
+_TEXTS = ("init_from", "ref", "vcount")  # elements whose text is read
+_USES = ("instance_geometry", "instance_controller")
 
 
 class MeshError(Exception):
@@ -35,11 +44,6 @@ class MeshError(Exception):
 def too_many() -> MeshError:
     """The error for a file with more triangles or parts than are read."""
     return MeshError(f"has more than the {MOST_FACES} triangles or {MOST_PARTS} parts that are read")
-
-
-_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_HEADER = 84  # bytes before the facets: text and the number of facets
-_SOLID = re.compile(rb"^[ \t]*(?:end)?solid[^\r\n]*", re.MULTILINE)  # with its name, which may be "vertex"
 
 
 # ---- STL
@@ -187,14 +191,6 @@ def _materials(data: bytes, textures: Textures) -> dict[str, Colour | None]:
 def _rest(line: bytes) -> str:
     """The text after the first word of a line."""
     return b" ".join(line.split(None, 1)[1:]).strip().decode(errors="replace")
-
-
-MOST_POINTS = 50_000_000  # vertices of all instances of a file's meshes
-MOST_ELEMENTS, MOST_DEPTH = 400_000, 250
-MOST_USES = 200_000  # instances of nodes and shapes in a scene
-MOST_CHAIN = 50  # nodes that instantiate each other in a row
-_TEXTS = ("init_from", "ref", "vcount")  # elements whose text is read
-_USES = ("instance_geometry", "instance_controller")
 
 
 def collada_triangles(data: bytes, read_referenced: ReadReferenced) -> Iterator[tuple[Array, Colour | None]]:

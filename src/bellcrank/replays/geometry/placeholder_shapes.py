@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 
 DEFAULT_SCALE = 0.5  # m, of a robot whose joints all coincide
+ROD_RADIUS, PIN_RADIUS, PIN_LENGTH, SLIDER = 0.018, 0.03, 0.1, (0.06, 0.06, 0.12)  # of the robot's scale
+THICKEST_ROD = 0.12  # radius over length, which keeps the rods of small fingers thin
+POINT_RADIUS, THINNEST_BOX = 0.05, 0.01  # of a point mass, and the thinnest edge of a box, of the scale
+SHORTEST_ROD = 1e-3  # of the scale
 
 
 def transform(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> Array:
@@ -75,12 +79,6 @@ class LinkLayout:
         spans = [span for span in spans if span > 0.0]
         # the base may be far longer than the links
         self.scale = min(max(spans), 4.0 * float(np.median(spans))) if spans else DEFAULT_SCALE
-
-
-ROD_RADIUS, PIN_RADIUS, PIN_LENGTH, SLIDER = 0.018, 0.03, 0.1, (0.06, 0.06, 0.12)  # of the robot's scale
-THICKEST_ROD = 0.12  # radius over length, which keeps the rods of small fingers thin
-POINT_RADIUS, THINNEST_BOX = 0.05, 0.01  # of a point mass, and the thinnest edge of a box, of the scale
-SHORTEST_ROD = 1e-3  # of the scale
 
 
 def placeholder_shapes(layout: LinkLayout, carrier: str, colour: Colour) -> tuple[DrawnShape, ...]:

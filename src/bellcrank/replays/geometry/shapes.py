@@ -23,6 +23,10 @@ GREY: Colour = (0.7, 0.7, 0.7, 1.0)  # in place of a texture that cannot be read
 MOST_PIXELS, MOST_DECODED = 64_000_000, 256_000_000  # of one texture, and of all textures of one file
 # excludes formats for which Pillow starts other programs, such as EPS
 FORMATS = "PNG JPEG TGA BMP DIB GIF TIFF WEBP DDS PPM JPEG2000 PCX SGI PSD ICO".split()
+Triple = tuple[float, float, float]
+Pose = tuple[float, float, float, float, float, float, float]
+IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def texture_colour(data: bytes | None) -> Colour | None:
@@ -72,10 +76,6 @@ def clip_colour(colour: Colour) -> Colour:
     return red, green, blue, opacity
 
 
-Triple = tuple[float, float, float]
-Pose = tuple[float, float, float, float, float, float, float]
-IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 # None is further than 18° from the next: 5 % of a sphere's radius.
 DIRECTIONS = np.array([each for each in product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3) if max(map(abs, each)) == 1.0])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)

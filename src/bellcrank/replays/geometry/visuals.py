@@ -26,6 +26,17 @@ if TYPE_CHECKING:
 LARGEST = 1e6  # m: larger sizes are errors
 MOST_TEXTURE = 64 * 2**20  # bytes
 UNCOLOURED: Colour = (*GREY[:3], -1.0)  # marks a shape that the URDF gives no colour
+MOST_COLLISION_SIZE = 1.5  # of the robot's size: a larger collision shape is a floor or a fence
+MOST_NAMES = 3  # in a note; "and 4 more" stands for the rest
+MOST_CHARACTERS = 80  # of a file's name in a note
+# M. Okabe and K. Ito, "Color Universal Design", 2008, without its black and yellow, made lighter for shading
+PALETTE: tuple[Colour, ...] = (
+    (0.20, 0.49, 0.74, 1.0), (0.91, 0.65, 0.19, 1.0), (0.19, 0.64, 0.50, 1.0), (0.85, 0.45, 0.22, 1.0),
+    (0.46, 0.74, 0.92, 1.0), (0.80, 0.54, 0.69, 1.0),
+)  # fmt: skip
+BASE_COLOUR: Colour = (0.45, 0.46, 0.48, 1.0)  # of links that do not move
+MESH_COLOUR: Colour = (0.78, 0.79, 0.81, 1.0)  # of a mesh without a colour in the URDF and in its file
+PAYLOAD_COLOUR: Colour = (0.55, 0.42, 0.30, 1.0)
 
 
 @dataclass(frozen=True)
@@ -158,18 +169,6 @@ def _sizes(text: str, count: int) -> tuple[float, ...]:
 
 
 LinkShapes = Mapping[str, tuple[UrdfShape, ...]]  # by link
-
-MOST_COLLISION_SIZE = 1.5  # of the robot's size: a larger collision shape is a floor or a fence
-MOST_NAMES = 3  # in a note; "and 4 more" stands for the rest
-MOST_CHARACTERS = 80  # of a file's name in a note
-# M. Okabe and K. Ito, "Color Universal Design", 2008, without its black and yellow, made lighter for shading
-PALETTE: tuple[Colour, ...] = (
-    (0.20, 0.49, 0.74, 1.0), (0.91, 0.65, 0.19, 1.0), (0.19, 0.64, 0.50, 1.0), (0.85, 0.45, 0.22, 1.0),
-    (0.46, 0.74, 0.92, 1.0), (0.80, 0.54, 0.69, 1.0),
-)  # fmt: skip
-BASE_COLOUR: Colour = (0.45, 0.46, 0.48, 1.0)  # of links that do not move
-MESH_COLOUR: Colour = (0.78, 0.79, 0.81, 1.0)  # of a mesh without a colour in the URDF and in its file
-PAYLOAD_COLOUR: Colour = (0.55, 0.42, 0.30, 1.0)
 
 
 def robot_bodies(

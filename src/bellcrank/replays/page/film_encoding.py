@@ -29,6 +29,10 @@ LARGEST = 2.0**31 - 1.0
 SMALL_CHANGE = 1e-3  # of a value: float32 has seven digits, of which the change needs four
 LEVEL = 6  # of zlib: a higher one takes twice the time for 1 % of the size
 ArrayReference = dict[str, Any]  # as it stands in the page's JSON
+ROUNDING = 0.1  # of the film's error bound: the error that rounding may add at any point
+LEAST_ROUNDING = 1e-6  # of the extent: finer rounding is invisible
+MESH_STEPS = 2.0**15 - 1.0  # across a mesh
+UNSTRETCHED = 1e-9
 
 
 class ArrayEncoder:
@@ -109,11 +113,6 @@ def _smallest_differences(words: NDArray[np.int32]) -> tuple[int, NDArray[np.uin
             best = (bits, order, folded)
     assert best is not None
     return best[1], best[2]
-
-
-ROUNDING = 0.1  # of the film's error bound: the error that rounding may add at any point
-LEAST_ROUNDING = 1e-6  # of the extent: finer rounding is invisible
-MESH_STEPS = 2.0**15 - 1.0  # across a mesh
 
 
 def encode_film(film: Film, *, plots: bool = True) -> tuple[str, str]:
@@ -308,9 +307,6 @@ def _xy_plot(arrays: ArrayEncoder, plot: XYPlot) -> dict[str, Any]:
         "y": arrays.add_centred_floats(plot.y),
         "limits": [{"name": name, "points": arrays.add_floats(points)} for name, points in plot.limits],
     }
-
-
-UNSTRETCHED = 1e-9
 
 
 def encode_motions(film: Film, motions: Sequence[FilmedMotion], arrays: ArrayEncoder) -> list[dict[str, Any]]:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
 TIMEOUT = 60_000  # ms until a page must be drawn
+SIZE = (960, 720)  # pixels
+MOST_FRAMES = 5_000
+DEFAULT_FPS = {".gif": 15.0, ".mp4": 30.0}
+MOST_FPS = {".gif": 50.0, ".mp4": 60.0}  # viewers slow down faster GIFs
 
 
 def find_browser() -> str:
@@ -80,12 +84,6 @@ def open_page(page: str | Path, size: tuple[int, int]) -> Iterator[Page]:
     except playwright_module.Error as error:
         first = str(error).strip().splitlines()[0]
         raise BellcrankError(f"{page}: the browser {browser} could not draw it: {first}") from None
-
-
-SIZE = (960, 720)  # pixels
-MOST_FRAMES = 5_000
-DEFAULT_FPS = {".gif": 15.0, ".mp4": 30.0}
-MOST_FPS = {".gif": 50.0, ".mp4": 60.0}  # viewers slow down faster GIFs
 
 
 def check_rendering_tools(kinds: Iterable[str]) -> None:

@@ -96,6 +96,9 @@ PILOT_TOLERANCE = 1e-3  # of the larger of rtol and atol
 PILOT_ORDER = 8  # DOP853's error estimate falls with this power of the step size
 PILOT_EVALUATIONS = 20_000  # a longer run is judged by its beginning
 LARGEST_DECAY = 1.0  # α h of a fixed step: stable with a margin, where a step is too coarse for the motion
+GAIN_MARGIN, PHASE_MARGIN = 2.0, math.radians(30.0)
+SLOWER = 1.25  # T is raised by this factor
+MOST_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -175,11 +178,6 @@ def drift_bound(alpha: float, beta: float, tolerance: float, step: float) -> flo
     error of a step is smaller than its estimate.
     """
     return tolerance / step * (2.0 * alpha + 1.0) / beta**2
-
-
-GAIN_MARGIN, PHASE_MARGIN = 2.0, math.radians(30.0)
-SLOWER = 1.25  # T is raised by this factor
-MOST_STEPS = 40
 
 
 @computed_once

@@ -25,6 +25,8 @@ from bellcrank.elements.signals import Signal
 if TYPE_CHECKING:
     from bellcrank.scene.scene import Scene
 
+Update = Callable[[float, Array, Array], Array]  # (t, x, values) -> the values after it
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kernels:
@@ -201,9 +203,6 @@ class IntegrationProblem:
     observe: int = 0
     observed: int = 0
     observed_within: int = 0
-
-
-Update = Callable[[float, Array, Array], Array]  # (t, x, values) -> the values after it
 
 
 @computed_once

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 
 NO_SIGNALS: Array = np.zeros(0)
+AT_LIMIT = 1.0 - 1e-9  # of a drive's command: what a sampled servo holds is cut off at its limit
+SHOWN = 4  # intervals or impacts of a joint in a summary
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -133,10 +135,6 @@ def event_at(
         multipliers=multipliers,
         latch=latch,
     )
-
-
-AT_LIMIT = 1.0 - 1e-9  # of a drive's command: what a sampled servo holds is cut off at its limit
-SHOWN = 4  # intervals or impacts of a joint in a summary
 
 
 def stuck_intervals(run: Trajectory, joint: str) -> Array:

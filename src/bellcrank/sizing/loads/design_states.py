@@ -24,6 +24,12 @@ from bellcrank.sizing.loads.series_maxima import MaximaSearch
 
 Whole = Indices
 States = tuple[Array, Array, Array]  # q, v, a
+SIMPSON = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0  # at NODES
+PARTS = 16  # between two waypoints, at least: torques change there as fast as the spline
+FINE = 0.25  # of a motion's longest parts: shorter ones of the scene's grid, where torques change fast, are kept
+# Of an integral: by how much Simpson's rule may be off. Its error is of order 4, that of the grid's rule of order 6:
+# where the former is 1e-6, the latter is about 1e-9.
+SETTLED = 1e-6
 
 
 class MotionStates(Protocol):
@@ -153,14 +159,6 @@ def quintic_at(low: Array, high: Array, values: list[Array], times: Array, place
     knots = np.stack([low, high], axis=1).ravel()
     both = np.stack([place, place + 1], axis=1).ravel()
     return quintic(knots, values[0][both], values[1][both], values[2][both], times, 2 * np.arange(len(times)))
-
-
-SIMPSON = np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0  # at NODES
-PARTS = 16  # between two waypoints, at least: torques change there as fast as the spline
-FINE = 0.25  # of a motion's longest parts: shorter ones of the scene's grid, where torques change fast, are kept
-# Of an integral: by how much Simpson's rule may be off. Its error is of order 4, that of the grid's rule of order 6:
-# where the former is 1e-6, the latter is about 1e-9.
-SETTLED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,8 @@ from bellcrank.messages import unknown_name
 if TYPE_CHECKING:
     from bellcrank.robot.robot import RobotJoint
 
+ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # of the terms of a sum
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadHistory:
@@ -174,9 +176,6 @@ class JointLoads:
     def inertia(self, t: Array, q: Array, v: Array, a: Array) -> dict[str, Array]:
         """M_ii (n, k), kg m² or kg, without the actuators' rotors, with the nominal masses."""
         return {"largest_inertia": self.mechanism.inertia(t, q) - self.rotor_inertia}
-
-
-ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # of the terms of a sum
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 
 REMEDY = "so the motor cannot be sized; check the masses, lengths, forces, actuator and accelerations there"
+MOVES = 1e-9  # of the fastest joint's speed: a joint of a linkage that is slower does not move with the motor
+POSTURES = 7  # of a motion, at which a linkage is evaluated
+LISTED = 4  # links that a sentence names
 
 
 def refuse_non_finite(robot: str, joints: Sequence[str], time: Array, values: Mapping[str, Array]) -> None:
@@ -87,11 +90,6 @@ def _numbers(value: Any, name: str) -> Iterable[tuple[str, float]]:
 
 def _found(value: float) -> str:
     return "not a number (NaN)" if math.isnan(value) else "infinite"
-
-
-MOVES = 1e-9  # of the fastest joint's speed: a joint of a linkage that is slower does not move with the motor
-POSTURES = 7  # of a motion, at which a linkage is evaluated
-LISTED = 4  # links that a sentence names
 
 
 @dataclass(frozen=True)

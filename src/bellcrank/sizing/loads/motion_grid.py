@@ -29,6 +29,21 @@ from bellcrank.motion.motion import Motion
 STILL = 1e-9  # rad/s or m/s: the sign of a slower speed is rounding, unless it comes to rest steadily
 LASTING = 1e-6  # of a motion's duration: shorter stretches of slower speeds are reversals, not rest
 ONE_SIDE = 1e-30  # so small that neither forces nor powers change
+Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
+FINEST = 300  # parts of a whole motion that the grid has at least
+GAUSS = 0.5 * np.sqrt(0.6)  # of a part, from its middle: the outer points of Gauss and Legendre's rule
+NODES = np.array([0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0])
+WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
+HALVINGS = 16  # of a part, at most
+SETTLED = 2e-11  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
+NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
+MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
+BISECTIONS = 40  # of the part in which a velocity changes sign
+CUTS = 14  # bisections of the part in which a torque does: what is left weighs (2^-14)^3 of the part's integral
+BESIDE = 1e-3  # of a part: zeros closer to its ends, or jumps there, change its integral by the third power of it
+ROUNDED = 1e-9  # of a torque's largest value: signs of smaller ones are rounding
+BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
+LEAST_BLOCK = 9  # states that are evaluated together, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,24 +98,6 @@ def _soft(speed: Array) -> int:
     """How many of the speeds after the first one fall steadily and keep its sign."""
     steady = (speed[1:] * speed[:-1] > 0.0) & (np.abs(speed[1:]) < np.abs(speed[:-1]))
     return int(len(steady) if steady.all() else np.argmin(steady))
-
-
-Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
-
-FINEST = 300  # parts of a whole motion that the grid has at least
-GAUSS = 0.5 * np.sqrt(0.6)  # of a part, from its middle: the outer points of Gauss and Legendre's rule
-NODES = np.array([0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0])
-WEIGHTS = np.array([0.0, 5.0, 8.0, 5.0, 0.0]) / 18.0
-HALVINGS = 16  # of a part, at most
-SETTLED = 2e-11  # of the whole integral of a squared torque: a part that halving changes by less is fine enough
-NOISE = 1e-12  # of the largest integral of a squared torque: smaller ones need not settle
-MOST_PARTS = 30_000  # of a motion's grid that halving may lead to
-BISECTIONS = 40  # of the part in which a velocity changes sign
-CUTS = 14  # bisections of the part in which a torque does: what is left weighs (2^-14)^3 of the part's integral
-BESIDE = 1e-3  # of a part: zeros closer to its ends, or jumps there, change its integral by the third power of it
-ROUNDED = 1e-9  # of a torque's largest value: signs of smaller ones are rounding
-BLOCK_NUMBERS = 1_000_000  # of one quantity, in memory at a time
-LEAST_BLOCK = 9  # states that are evaluated together, at least
 
 
 @dataclass(frozen=True, eq=False)

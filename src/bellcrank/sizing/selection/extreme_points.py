@@ -10,6 +10,7 @@ from bellcrank.arrays import Array, Indices, Mask
 
 Index = Indices
 BLOCK = 64  # points that are compared with those that are kept, and with each other, at once
+SIZE = 16  # samples
 
 
 def not_dominated(points: Array) -> Index:
@@ -63,9 +64,6 @@ def extreme_points(points: Array) -> Index:
         return np.asarray(first[ConvexHull(spread).vertices])
     except QhullError:  # thinner than Qhull's precision: every sample is kept, which is exact too
         return np.asarray(first)
-
-
-SIZE = 16  # samples
 
 
 class Blocks(NamedTuple):

@@ -21,6 +21,8 @@ from bellcrank.sizing.loads.series_maxima import maxima, on_grid
 from bellcrank.sizing.selection.mounted_bodies import States
 
 _LEFT_OUT = "the transition is not included in the loads"
+Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
+Shafts = Callable[[Array, Array, Array], dict[str, Array]]  # torques, speeds, accelerations (n, k) of joints
 
 
 def transition_notes(
@@ -108,10 +110,6 @@ def _rest(motion: Motion) -> Array:
     """Speeds (nv,) up to which a motion counts as at rest, as in `Motion.warnings`."""
     peak = float(np.max(np.abs(motion.velocity), initial=0.0))
     return np.maximum(AT_REST * peak, np.minimum(motion.speed_noise, NOISE * peak))
-
-
-Torque = Callable[[Array, Array, Array, Array], Array]  # (t, q, v, a) -> (n, k)
-Shafts = Callable[[Array, Array, Array], dict[str, Array]]  # torques, speeds, accelerations (n, k) of joints
 
 
 @dataclass(frozen=True, eq=False)

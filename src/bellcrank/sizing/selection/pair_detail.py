@@ -29,6 +29,15 @@ from bellcrank.sizing.selection.selection import AxisSelection, Candidate, Selec
 
 POINTS = 121  # of a curve before points on straight lines are left out
 STRAIGHT = 1e-4  # of a curve's range: deviation of a point that is left out
+MOST_INTERVALS = 500  # of a temperature curve; in a longer cycle neighbours are averaged
+THERMAL_FIGURES = {  # what temperatures need of a motor, in words
+    "resistance": "resistance",
+    "dc_torque_constant": "torque constant",
+    "resistance_winding_housing": "thermal resistance from winding to housing",
+    "resistance_housing_ambient": "thermal resistance from housing to ambient",
+    "time_constant_winding": "thermal time constant of the winding",
+    "time_constant_motor": "thermal time constant of the motor",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,17 +186,6 @@ def straightened(points: Array) -> Array:
             keep.add(middle)
             stack += [(first, middle), (middle, last)]
     return points[sorted(keep)]
-
-
-MOST_INTERVALS = 500  # of a temperature curve; in a longer cycle neighbours are averaged
-THERMAL_FIGURES = {  # what temperatures need of a motor, in words
-    "resistance": "resistance",
-    "dc_torque_constant": "torque constant",
-    "resistance_winding_housing": "thermal resistance from winding to housing",
-    "resistance_housing_ambient": "thermal resistance from housing to ambient",
-    "time_constant_winding": "thermal time constant of the winding",
-    "time_constant_motor": "thermal time constant of the motor",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,6 +31,14 @@ from bellcrank.numerics import floats
 Index = Indices
 Value = TypeVar("Value")
 MOST_KEPT = 32  # limits of all motors that are kept: two functions under the conditions of 16 axes
+RankKeys = NDArray[np.int64]  # (m, 6), see COLUMNS
+RankKey = tuple[int, int, int, int, int, int]
+COLUMNS = ("fails", "not all shown", "main criteria unknown", "objective unknown", "objective", "largest utilisation")
+RESOLUTION = 1e-9  # of a mass in kg, a cost, a loss in W, and a utilisation
+LARGEST = 10**8  # values above are equal, so that sums over all axes stay integers of 64 bits
+NOTHING: RankKey = (1, 0, 0, 0, 0, 0)  # an axis that nothing can drive
+NOT_JUDGED: RankKey = (2, 0, 0, 0, 0, 0)  # a pair that is left out beforehand
+ALL_SHOWN, PASSES_KNOWN, FAILS = range(3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,16 +225,6 @@ def _shafts_fit(motors: Sequence[Motor], gears: Sequence[Gear]) -> tuple[Mask, M
 
 def _name(flange: str | None) -> str:
     return (flange or "").strip().casefold()
-
-
-RankKeys = NDArray[np.int64]  # (m, 6), see COLUMNS
-RankKey = tuple[int, int, int, int, int, int]
-COLUMNS = ("fails", "not all shown", "main criteria unknown", "objective unknown", "objective", "largest utilisation")
-RESOLUTION = 1e-9  # of a mass in kg, a cost, a loss in W, and a utilisation
-LARGEST = 10**8  # values above are equal, so that sums over all axes stay integers of 64 bits
-NOTHING: RankKey = (1, 0, 0, 0, 0, 0)  # an axis that nothing can drive
-NOT_JUDGED: RankKey = (2, 0, 0, 0, 0, 0)  # a pair that is left out beforehand
-ALL_SHOWN, PASSES_KNOWN, FAILS = range(3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

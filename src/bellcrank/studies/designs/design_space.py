@@ -25,6 +25,9 @@ SECONDS = 1.0  # that a range takes: long beside the overhead of a call, short b
 LARGEST = 2**15  # designs: bounds the memory of a call
 LARGEST_SAVED = 2**16  # designs of one checkpoint
 GROWTH = 16  # the first call compiles, so that its time says little
+MOST_DESIGNS = 10**7
+MOST_DIMENSIONS = 21_201  # of SciPy's Sobol points
+BYTES_PER_NUMBER, BYTES_PER_DESIGN = 8.0, 400.0  # of a design with its measures, of which a small scene has 35
 
 
 class DesignRange(NamedTuple):
@@ -79,11 +82,6 @@ class RangeSize:
         """Take into account that `count` designs took `seconds`."""
         fitting = int(count * SECONDS / max(seconds, 1e-6))
         self.count = min(max(fitting, self.least), GROWTH * max(count, self.least), LARGEST)
-
-
-MOST_DESIGNS = 10**7
-MOST_DIMENSIONS = 21_201  # of SciPy's Sobol points
-BYTES_PER_NUMBER, BYTES_PER_DESIGN = 8.0, 400.0  # of a design with its measures, of which a small scene has 35
 
 
 @dataclass(frozen=True, eq=False)

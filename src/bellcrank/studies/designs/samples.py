@@ -29,6 +29,8 @@ REPLICATES = 16  # Student's t is 2.13 then; 10 would need 6 % wider intervals
 LEAST_PART = 64  # points of a replicate: smaller samples have none
 _LEAST, _MOST = 2.0**-54, 1.0 - 2.0**-53  # quantiles of 0 and 1 may be infinite
 _HALF_CELL = 2.0**-31  # SciPy's Sobol points are multiples of 2**-30, 0 among them
+MOST_REPLICATES = 10_000
+LARGEST_SIZE = 2**24
 
 
 class PointSet(Protocol):
@@ -128,10 +130,6 @@ class Sample(Portable):
     @cached_property
     def _kept(self) -> dict[tuple[int, int], Array]:
         return {}
-
-
-MOST_REPLICATES = 10_000
-LARGEST_SIZE = 2**24
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,9 @@ from bellcrank.simulation.integration.integration import (
 from bellcrank.studies.designs.plain_axes import DesignAxis, PlainAxis, ValueKind, admitted, plain_axes
 from bellcrank.studies.execution.design_runner import infeasible_reason
 
+Rows = NDArray[np.int64]
+RECENT = 16  # variants that are kept between blocks
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Starts:
@@ -162,10 +165,6 @@ class VariantDesigns:
             if axis.kind is ValueKind.VELOCITY:
                 v[:, self.scene.robot.joint(axis.name).v] = axis.numbers(values)
         return v
-
-
-Rows = NDArray[np.int64]
-RECENT = 16  # variants that are kept between blocks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,6 +18,8 @@ from bellcrank.studies.execution.design_runner import DesignRunner, StudyInterru
 from bellcrank.studies.execution.software_and_processor import environment
 from bellcrank.studies.results.study_columns import StudyColumns
 
+DESIGNS_A_THREAD = 32  # at least, in one call: four times the widest SIMD lanes, so that few lanes wait at its end
+
 
 class Designs(Protocol):
     """The designs of a study, numbered from 0 on."""
@@ -74,9 +76,6 @@ class Executor(AbstractContextManager["Executor"], Protocol):
     def run(self, work: Work) -> Iterator[Part]:
         """Run all designs that are undone; parts come in any order. KeyboardInterrupt ends it."""
         ...
-
-
-DESIGNS_A_THREAD = 32  # at least, in one call: four times the widest SIMD lanes, so that few lanes wait at its end
 
 
 def _processors() -> int:

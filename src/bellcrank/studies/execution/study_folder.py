@@ -34,6 +34,15 @@ from bellcrank.studies.designs.design_space import LARGEST_SAVED, DesignRange, t
 from bellcrank.studies.execution.software_and_processor import differences
 from bellcrank.studies.results.study_columns import StudyColumns
 
+FORMAT, VERSION = "bellcrank study", 1
+CHECKPOINTS = "checkpoints"
+_ABOUT = "study.json"
+_FILE = re.compile(r"\d{6,12}\.npz")
+_MEMBERS = re.compile("ranges|status|measures|reason_designs|reason_texts")
+_REMEDY = "choose another output folder, or set the earlier one aside with --restart (in Python: restart=True)"
+NAME = ".bellcrank-study-lock"
+_WOULD_WAIT = (errno.EAGAIN, errno.EACCES)
+
 
 class StudyRows:
     """The columns of N designs, of which some are done.
@@ -107,14 +116,6 @@ class StudyRows:
             measures=dict(zip(self.names, measures, strict=True)),
             reasons=dict(sorted(reasons.items())),
         )
-
-
-FORMAT, VERSION = "bellcrank study", 1
-CHECKPOINTS = "checkpoints"
-_ABOUT = "study.json"
-_FILE = re.compile(r"\d{6,12}\.npz")
-_MEMBERS = re.compile("ranges|status|measures|reason_designs|reason_texts")
-_REMEDY = "choose another output folder, or set the earlier one aside with --restart (in Python: restart=True)"
 
 
 class StudyFolder:
@@ -323,10 +324,6 @@ def _whole(values: np.ndarray[Any, np.dtype[np.float64]], below: int) -> bool:
 
 
 # ---- A lock on a folder, so that two processes do not write one study at once.
-
-
-NAME = ".bellcrank-study-lock"
-_WOULD_WAIT = (errno.EAGAIN, errno.EACCES)
 
 
 class FolderLock:

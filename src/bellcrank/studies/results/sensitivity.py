@@ -49,6 +49,16 @@ if TYPE_CHECKING:
 
 ROUND_OFF = 1e-12  # a standard deviation below this part of the mean says nothing about parameters
 LARGE = 0.5  # an index beyond it is estimated by what it lacks to 1
+HEAD = (
+    "measure",
+    "parameter",
+    "first order",
+    "first order low",
+    "first order high",
+    "total",
+    "total low",
+    "total high",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,18 +155,6 @@ def block_indices(blocks: Array, whole: Mask) -> tuple[tuple[Estimate, ...], tup
 def _estimate(part: Array, variance: Array) -> Estimate:
     value, half = ratio_interval(part, variance)
     return Estimate(value, (value - half, value + half))
-
-
-HEAD = (
-    "measure",
-    "parameter",
-    "first order",
-    "first order low",
-    "first order high",
-    "total",
-    "total low",
-    "total high",
-)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

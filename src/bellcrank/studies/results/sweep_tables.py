@@ -34,6 +34,12 @@ MOST_LINES = 20  # designs: the first and the last
 SUMMARISED = 10  # designs, above which there is a summary
 LONGEST_REASON = 110
 MOST_AXES = 2  # whose values say where a measure is least and largest
+BLOCK = 8192  # rows converted to text at a time
+ROW_GROUP = 2**17  # rows of a Parquet file that are written at a time
+FORMAT = "bellcrank sweep"
+INSTALL = "pip install 'bellcrank[parquet]'"
+MOST_CSV, MOST_JSON = 100_000, 10_000  # designs in such a file
+NAMES = ("sweep.csv", "sweep.json", "sweep.parquet", "sweep.npz")
 
 
 def text_table(sweep: Sweep, measures: Sequence[str]) -> str:
@@ -129,14 +135,6 @@ def _where(sweep: Sweep, row: int) -> str:
     return ", ".join(f"{axis.path} {value}" for axis, value in zip(sweep.axes, values, strict=True))
 
 
-BLOCK = 8192  # rows converted to text at a time
-ROW_GROUP = 2**17  # rows of a Parquet file that are written at a time
-FORMAT = "bellcrank sweep"
-INSTALL = "pip install 'bellcrank[parquet]'"
-
-
-MOST_CSV, MOST_JSON = 100_000, 10_000  # designs in such a file
-NAMES = ("sweep.csv", "sweep.json", "sweep.parquet", "sweep.npz")
 PARTIAL_NAMES = tuple(name.replace(".", ".partial.") for name in NAMES)  # of a sweep that was interrupted
 
 

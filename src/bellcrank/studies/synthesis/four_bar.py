@@ -31,6 +31,7 @@ from bellcrank.studies.synthesis.kinds import SAFE, SynthesisOutput, Turning, lo
 
 WIDEST_RATIO = 20.0  # of rocker to coupler, either way
 LEAST_SHARE = 0.01  # of ρ: below it the crank is very short
+WIDE = np.log(WIDEST_RATIO)  # of the ground, of rocker to coupler, and of the coupler to D₂
 
 
 class Lengths(NamedTuple):
@@ -123,9 +124,6 @@ def rocker_angles(links: Array, crank: Array, branch: Array) -> tuple[Array, Arr
         lever = rocker * between.imag
         by_links = np.stack([on_coupler.real, -np.ones_like(lever), between.real], axis=2) / lever[:, :, None]
         return np.angle(on_rocker), (on_crank / on_coupler).imag / lever, by_links
-
-
-WIDE = np.log(WIDEST_RATIO)  # of the ground, of rocker to coupler, and of the coupler to D₂
 
 
 @dataclass(frozen=True)
