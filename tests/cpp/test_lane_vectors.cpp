@@ -1,7 +1,7 @@
 // SIMD lanes against the same operations on single numbers; a program for each register width of this processor.
 #include "lane_vector.hpp"
 
-#include "runge_kutta_tableaus.hpp"
+#include "runge_kutta_stages.hpp"
 #include "support.hpp"
 
 using namespace bellcrank;
@@ -113,7 +113,7 @@ TEST_CASE("weighted sums of stages are those of the table") {
   for (int turn = 0; turn < 50; ++turn) {
     alignas(64) double k[7 * 8];
     for (double& entry : k) entry = random.between(-1, 1);
-    const Lanes sum = weighted<Row, 5, false>(k + 4, 8), again = weighted<Row, 5, true>(k + 4, 8);
+    const Lanes sum = weighted<Row, 5>(vectors(k) + 1, 2), again = weighted<Row, 5, true>(vectors(k) + 1, 2);
     for (int l = 0; l < 4; ++l) {
       double expected = 0;
       for (int j = 0; j < 6; ++j) expected += DormandPrince::a[6][j] * k[8 * j + 4 + l];

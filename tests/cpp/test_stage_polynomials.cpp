@@ -1,5 +1,5 @@
 // Polynomials through the stages of DOP853, and the test of its dense output by them.
-#include "stage_polynomials.hpp"
+#include "dense_output.hpp"
 #include "support.hpp"
 
 using namespace bellcrank;

@@ -5,7 +5,7 @@
 // an interval was taken for smooth, against 1 of 30 on an even grid.
 #pragma once
 
-#include "right_hand_side.hpp"
+#include "lane_vector.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -70,8 +70,6 @@ struct SampleWeights {
 };
 template <int Stride>
 inline constexpr SampleWeights<Stride> sample_weights;
-
-inline double absolute(double v) { return std::fabs(v); }
 
 // Bounds on a function between nine samples, or five. `T`: double, or a vector with a function in each lane; a comparison
 // is then one a lane.

@@ -3,11 +3,10 @@
 // over stages are unrolled from the table without its zeros.
 #pragma once
 
+#include "dense_output.hpp"
 #include "last_step.hpp"
 #include "step_size_control.hpp"
-#include "stage_polynomials.hpp"
 #include "stiffness_detection.hpp"
-#include "runge_kutta_stages.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -19,7 +18,7 @@ class ExplicitRungeKutta final : public LastStep {
 
   explicit ExplicitRungeKutta(Rhs& rhs)
       : rhs_(rhs), p_(rhs.problem), blocks_((p_.n + 3) / 4), main_(blocks_, rhs), redo_(blocks_, rhs), x_(lanes()),
-        old_(lanes()), tolerance_(lanes()), dense_(lanes() * 7) {
+        old_(lanes()), tolerance_(lanes()), polynomials_(blocks()) {
     for (int i = 0; i < static_cast<int>(lanes()); ++i) tolerance_[i] = i < p_.norm_size ? p_.atol : INFINITY;
     std::memcpy(x_, p_.x0, p_.n * sizeof(double));
     rhs_.normalise(x_);
@@ -52,7 +51,7 @@ class ExplicitRungeKutta final : public LastStep {
   void take_over(double from, double to, const double* old, const double* x, const double* slopes) {
     const std::size_t bytes = p_.n * sizeof(double);
     t_old = from, t = to;
-    dense_ready_ = stage_polynomial_ready_ = false;
+    polynomials_ready_ = dense_ready_ = false;
     std::memcpy(old_, old, bytes), std::memcpy(x_, x, bytes);
     for (int s = 0; s <= last; ++s) std::memcpy(main_.k + s * lanes(), slopes + s * p_.n, bytes);
     main_.first = main_.k;
@@ -108,44 +107,23 @@ class ExplicitRungeKutta final : public LastStep {
   // x at t_old + s (t - t_old) without new evaluations: by the dense output if it is there, or by a polynomial through
   // both ends and slopes of stages, of degree 6, or 5 where not `finer`.
   void approximate(double s, double* x, bool finer = true) override {
-    if (dense_ready_ || Method::fsal) interpolate(s, x);
-    else if constexpr (Method::extra == 3) stage_polynomial(s, x, finer);
-    else cubic(s, x);
+    if (dense_ready_) return interpolate(s, x);
+    begin_polynomials();
+    polynomials_.approximate(last_step(), s, vectors(x), finer);
+    rhs_.normalise(x);
   }
 
   bool prepare() override {
-    if (Method::fsal || dense_ready_) return true;
-    if constexpr (Method::extra == 3) prepare_three();
-    else if constexpr (Method::extra == 1) prepare_one();
+    if (dense_ready_) return true;
+    begin_polynomials();
+    if constexpr (Method::fsal) return true;
+    else if constexpr (Method::extra == 3) evaluate_stages();
+    else evaluate_slope();
     return dense_ready_;
   }
 
   void interpolate(double s, double* x) {
-    const double h = t - t_old;
-    const std::size_t w = lanes();
-    for (int b = 0; b < blocks(); ++b) {
-      const Lanes y = at(old_ + 4 * b);
-      Lanes sum;
-      if constexpr (Method::fsal) {
-        sum = dense_term<3>(b) * s;
-        sum = (sum + dense_term<2>(b)) * s;
-        sum = (sum + dense_term<1>(b)) * s;
-        sum = (sum + dense_term<0>(b)) * (s * h);
-      } else if constexpr (Method::extra == 3) {
-        const double r = 1 - s;
-        const double* f = dense_ + 4 * b;
-        sum = at(f + 6 * w) * s;
-        sum = (sum + at(f + 5 * w)) * r;
-        sum = (sum + at(f + 4 * w)) * s;
-        sum = (sum + at(f + 3 * w)) * r;
-        sum = (sum + at(f + 2 * w)) * s;
-        sum = (sum + at(f + w)) * r;
-        sum = (sum + at(f)) * s;
-      } else {
-        sum = main_.hermite(old_, x_, h, s, b) + at(dense_ + 4 * b) * (s * s * (1 - s) * (1 - s));
-      }
-      at(x + 4 * b) = y + sum;
-    }
+    polynomials_.interpolate(last_step(), s, vectors(x));
     rhs_.normalise(x);
   }
 
@@ -158,22 +136,23 @@ class ExplicitRungeKutta final : public LastStep {
 
  private:
   static constexpr int last = Method::stages;  // row of the first stage of the next step
+  using Polynomials = StepPolynomials<Method, OneRun, Blocks>;
 
   Rhs& rhs_;
   const Problem& p_;
   int blocks_;
   Stages<Method, Blocks> main_, redo_;
-  Room<4 * Blocks> x_, old_, tolerance_;
-  Room<28 * Blocks> dense_;
+  Room<double, 4 * Blocks> x_, old_, tolerance_;
+  Polynomials polynomials_;
   double next_ = 0;
-  bool dense_ready_ = false, stage_polynomial_ready_ = false;  // which of the two dense_ holds
+  bool polynomials_ready_ = false, dense_ready_ = false;  // what polynomials_ holds of the last step
 
   int blocks() const { return Blocks ? Blocks : blocks_; }
   std::size_t lanes() const { return 4 * static_cast<std::size_t>(blocks()); }
 
   void begin_step() {
     t_old = t;
-    dense_ready_ = stage_polynomial_ready_ = false;
+    polynomials_ready_ = dense_ready_ = false;
     const double* f = main_.k + last * lanes();
     for (int b = 0; b < blocks(); ++b) {
       at(old_ + 4 * b) = at(x_ + 4 * b);
@@ -265,143 +244,47 @@ class ExplicitRungeKutta final : public LastStep {
 
   // Square of the error norm: entries outside it have an infinite tolerance.
   double error_square(double h) const {
-    const std::size_t w = lanes();
-    const double* k = main_.k;
-    Lanes fifth = {}, third = {};
+    const double *k = main_.k, *old = old_, *x = x_, *tolerance = tolerance_;
+    ErrorSums<Method, Lanes, (Blocks > 0)> sums;
     for (int b = 0; b < blocks(); ++b) {
-      const Lanes y = magnitude(at(old_ + 4 * b)), z = magnitude(at(x_ + 4 * b));
-      const Lanes scale = 1.0 / (at(tolerance_ + 4 * b) + p_.rtol * (y > z ? y : z));
-      if constexpr (Method::fsal) {
-        const Lanes e = scale * weighted<Weights<ErrorOf<Method>>, last, (Blocks > 0)>(k + 4 * b, w);
-        fifth += e * e;
-      } else if constexpr (Method::extra == 3) {
-        const Lanes e = scale * weighted<Weights<Error5Of<Method>>, last - 1, (Blocks > 0)>(k + 4 * b, w);
-        const Lanes g = scale * weighted<Weights<Error3Of<Method>>, last - 1, (Blocks > 0)>(k + 4 * b, w);
-        fifth += e * e;
-        third += g * g;
-      }
+      const Lanes y = magnitude(vectors(old)[b]), z = magnitude(vectors(x)[b]);
+      sums.add(vectors(k) + b, blocks(), 1.0 / (vectors(tolerance)[b] + p_.rtol * (y > z ? y : z)));
     }
-    const double e = h * h * total(fifth) / p_.norm_size;
-    if constexpr (Method::fsal) return e;
-    const double both = total(fifth) + 0.01 * total(third);
-    return both == 0 ? 0 : e * (total(fifth) / both);
+    return norm_square<Method>(h, total(sums.fifth), total(sums.third), p_.norm_size);
   }
 
-  template <int Power>
-  BELLCRANK_INLINE Lanes dense_term(int b) const {
-    return weighted<Weights<DenseOf<Method, Power>>, Method::rows - 1, false>(main_.k + 4 * b, lanes());
+  typename Polynomials::Step last_step() const {
+    const double *old = old_, *x = x_, *k = main_.k;
+    return {vectors(old), vectors(x), vectors(k), static_cast<std::size_t>(blocks()), t - t_old};
   }
 
-  void cubic(double s, double* x) const {
-    for (int b = 0; b < blocks(); ++b) at(x + 4 * b) = at(old_ + 4 * b) + main_.hermite(old_, x_, t - t_old, s, b);
-    rhs_.normalise(x);
+  void begin_polynomials() {
+    if (!polynomials_ready_) make_polynomials();
+  }
+  __attribute__((noinline)) void make_polynomials() {
+    polynomials_.begin(last_step());
+    polynomials_ready_ = true;
   }
 
-  // The cubic plus s^2 (1 - s)^2 times a polynomial that matches the slopes at three stages (or two of them) as well;
-  // these stages are accurate to the sixth power of the step size.
-  void stage_polynomial(double s, double* x, bool finer) {
-    const double h = t - t_old, v = s * s * (1 - s) * (1 - s);
-    const std::size_t w = lanes();
-    if (!stage_polynomial_ready_) make_stage_polynomial(h);
-    const double* more = dense_ + (finer ? 2 : 0) * w;
-    for (int b = 0; b < blocks(); ++b) {
-      Lanes sum = at(more + w + 4 * b) * s;
-      if (finer) sum += at(more + 2 * w + 4 * b) * (s * s);
-      at(x + 4 * b) = at(old_ + 4 * b) + main_.hermite(old_, x_, h, s, b) + v * (at(more + 4 * b) + sum);
-    }
-    rhs_.normalise(x);
+  void evaluate_stages() {
+    const double h = t - t_old;
+    std::int32_t status = stage<13>(main_, h);
+    status |= stage<14>(main_, h);
+    status |= stage<15>(main_, h);
+    rhs_.evaluations += 3;
+    const double *x = x_, *tolerance = tolerance_;
+    const auto scale = [&](std::size_t b) { return 1.0 / (vectors(tolerance)[b] + p_.rtol * magnitude(vectors(x)[b])); };
+    dense_ready_ = polynomials_.complete(last_step(), scale, blocks(), p_.norm_size) && status == 0;
   }
 
-  __attribute__((noinline)) void make_stage_polynomial(double h) {
-    constexpr StagePolynomialTerms<Method> terms;
-    const std::size_t w = lanes();
-    for (int b = 0; b < blocks(); ++b) {
-      Lanes missing[3];
-      missing_slopes(b, h, missing);
-      Lanes powers[5];
-      terms.coarser(missing, powers), terms.finer(missing, powers + 2);
-      for (int i = 0; i < 5; ++i) at(dense_ + i * w + 4 * b) = powers[i];
-    }
-    stage_polynomial_ready_ = true;
-  }
-
-  // What the cubic's slopes at three stages differ from those there, times the step size.
-  void missing_slopes(int b, double h, Lanes* missing) const {
-    constexpr auto stage = StagePolynomialTerms<Method>::stage;
-    const std::size_t w = lanes();
-    const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
-    const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
-    for (int i = 0; i < 3; ++i)
-      missing[i] = h * at(main_.k + stage[i] * w + 4 * b) - cubic_slope(Method::c[stage[i]], f, g, d);
-  }
-
-  // Slope of the cubic through two values with difference d and slopes f and g, all times the step size.
-  static Lanes cubic_slope(double s, Lanes f, Lanes g, Lanes d) {
-    return d + (1 - 2 * s) * ((1 - s) * (f - d) - s * (g - d)) - s * (1 - s) * ((f - d) + (g - d));
-  }
-
-  // Order 4 for the classical method: the cubic's slope is corrected at the abscissa where s^2 (1 - s)^2 is steepest
-  // by one more evaluation there (bootstrapping: Hairer, Norsett, Wanner, Solving ODEs I, sec. II.6).
-  void prepare_one() {
-    const double h = t - t_old, s = 0.2113248654051871177454256;
-    cubic(s, redo_.x);
+  void evaluate_slope() {
+    constexpr double s = Polynomials::corrected;
+    approximate(s, redo_.x);
     redo_.in.at(rhs_.rest(), 0);
     ++rhs_.evaluations;
     double* slope = redo_.out[1];
-    dense_ready_ = rhs_(redo_.in, t_old + s * h, &slope) == 0;
-    for (int b = 0; b < blocks(); ++b) {
-      const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * lanes() + 4 * b);
-      const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
-      at(dense_ + 4 * b) = 5.196152422706631880582339 * (h * at(slope + 4 * b) - cubic_slope(s, f, g, d));
-    }
-  }
-
-  void prepare_three() {
-    if constexpr (Method::extra == 3) {
-      const double h = t - t_old;
-      const std::size_t w = lanes();
-      std::int32_t status = stage<13>(main_, h);
-      status |= stage<14>(main_, h);
-      status |= stage<15>(main_, h);
-      rhs_.evaluations += 3;
-      stage_polynomial_ready_ = false;  // its place is taken
-      constexpr StagePolynomialTerms<Method> through;
-      DenseOutputTest<Lanes> test;
-      for (int b = 0; b < blocks(); ++b) {
-        const Lanes f = h * at(main_.k + 4 * b), g = h * at(main_.k + last * w + 4 * b);
-        const Lanes d = at(x_ + 4 * b) - at(old_ + 4 * b);
-        double* terms = dense_ + 4 * b;
-        at(terms) = d;
-        at(terms + w) = f - d;
-        at(terms + 2 * w) = 2 * d - (g + f);
-        at(terms + 3 * w) = h * dense_term<0>(b);
-        at(terms + 4 * w) = h * dense_term<1>(b);
-        at(terms + 5 * w) = h * dense_term<2>(b);
-        at(terms + 6 * w) = h * dense_term<3>(b);
-        const Lanes scale = 1.0 / (at(tolerance_ + 4 * b) + p_.rtol * magnitude(at(x_ + 4 * b)));
-        Lanes missing[3], finer[3], coarser[2];
-        missing_slopes(b, h, missing);
-        through.finer(missing, finer), through.coarser(missing, coarser);
-        test.add({at(terms + 3 * w), at(terms + 4 * w), at(terms + 5 * w), at(terms + 6 * w)},
-                 HighTerms<Lanes>::finer(finer), HighTerms<Lanes>::coarser(coarser), scale);
-      }
-      dense_ready_ = status == 0 && finite(dense_ + 3 * w, dense_ + 4 * w) && finite(dense_ + 5 * w, dense_ + 6 * w);
-      if (dense_ready_ && !test.passes(total(test.far()), total(test.near()), p_.norm_size)) use_stage_polynomial(h);
-    }
-  }
-
-  // Puts the polynomial through the stages in place of the dense output.
-  void use_stage_polynomial(double h) {
-    constexpr StagePolynomialTerms<Method> through;
-    const std::size_t w = lanes();
-    for (int b = 0; b < blocks(); ++b) {
-      Lanes missing[3], powers[3];
-      missing_slopes(b, h, missing);
-      through.finer(missing, powers);
-      const HighTerms<Lanes> better = HighTerms<Lanes>::finer(powers);
-      double* terms = dense_ + 3 * w + 4 * b;
-      at(terms) = better.a, at(terms + w) = better.b, at(terms + 2 * w) = better.c, at(terms + 3 * w) = better.d;
-    }
+    const std::int32_t status = rhs_(redo_.in, t_old + s * (t - t_old), &slope);
+    dense_ready_ = polynomials_.correct(last_step(), vectors(slope)) && status == 0;
   }
 };
 

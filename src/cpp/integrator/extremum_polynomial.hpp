@@ -6,8 +6,6 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-inline bool any(bool holds) { return holds; }
-
 constexpr int near = 6;  // samples at `place` that make a polynomial
 // The first of those around the interval from sample i to i + 1.
 constexpr int first_near(int i) { return i < 2 ? 0 : i > parts - 3 ? parts + 1 - near : i - 2; }

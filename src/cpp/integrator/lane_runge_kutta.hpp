@@ -2,20 +2,11 @@
 #pragma once
 
 #include "lane_equations.hpp"
+#include "runge_kutta_stages.hpp"
 #include "stiffness_detection.hpp"
-#include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
-
-// sum over j <= J of table(j) k_j, whose rows are `stride` vectors apart
-template <class Table, int J>
-BELLCRANK_INLINE Vec weighted_lanes(const Vec* k, std::size_t stride) {
-  constexpr double weight = Table::at(J);
-  if constexpr (weight == 0) return weighted_lanes<Table, J - 1>(k, stride);
-  else if constexpr (Table::first(J)) return weight * k[J * stride];
-  else return weighted_lanes<Table, J - 1>(k, stride) + weight * k[J * stride];
-}
 
 template <class Method>
 class LaneRungeKutta {
@@ -53,25 +44,11 @@ class LaneRungeKutta {
 
   // Square of the error norm of a step of size h.
   Vec error_square(const LaneBlock& block, Vec h) const {
-    const std::size_t n = n_;
     const int size = equations_.problem.norm_size;
-    Vec fifth = {}, third = {};
-    for (int i = 0; i < size; ++i) {
-      const Vec scale = 1.0 / (block.atol + block.rtol * larger(absolute(block.old[i]), absolute(block.x[i])));
-      if constexpr (Method::fsal) {
-        const Vec e = scale * weighted_lanes<Weights<ErrorOf<Method>>, last>(block.k + i, n);
-        fifth += e * e;
-      } else if constexpr (Method::extra == 3) {
-        const Vec e = scale * weighted_lanes<Weights<Error5Of<Method>>, last - 1>(block.k + i, n);
-        const Vec g = scale * weighted_lanes<Weights<Error3Of<Method>>, last - 1>(block.k + i, n);
-        fifth += e * e;
-        third += g * g;
-      }
-    }
-    const Vec e = h * h * fifth / static_cast<double>(size);
-    if constexpr (Method::fsal) return e;
-    const Vec both = fifth + 0.01 * third;
-    return both == 0.0 ? Vec{} : e * (fifth / both);
+    ErrorSums<Method, Vec> sums;
+    for (int i = 0; i < size; ++i)
+      sums.add(block.k + i, n_, 1.0 / (block.atol + block.rtol * larger(absolute(block.old[i]), absolute(block.x[i]))));
+    return norm_square<Method>(h, sums.fifth, sums.third, size);
   }
 
   // Lanes in which a step of size h is held short by a part that is not seen in the solution (stiffness_detection.hpp).
@@ -118,9 +95,7 @@ class LaneRungeKutta {
 
   template <int S, int N>
   BELLCRANK_INLINE void sum(const LaneBlock& block, Vec h, Vec* to) const {
-    const std::size_t n = N ? N : n_;
-    const Vec *k = block.k, *old = block.old;
-    for (std::size_t i = 0; i < n; ++i) to[i] = old[i] + h * weighted_lanes<Weights<RowOf<Method, S>>, S - 1>(k + i, n);
+    stage_argument<Method, S>(block.old, block.k, N ? N : n_, h, to);
   }
 
   template <int N, int... S>

@@ -31,6 +31,7 @@ constexpr Bits all_lanes = (1u << width) - 1;
 BELLCRANK_INLINE Vec splat(double v) { return v - Vec{}; }
 BELLCRANK_INLINE Vec larger(Vec a, Vec b) { return a > b ? a : b; }
 BELLCRANK_INLINE Vec smaller(Vec a, Vec b) { return a < b ? a : b; }
+BELLCRANK_INLINE double absolute(double v) { return std::fabs(v); }
 BELLCRANK_INLINE Vec absolute(Vec v) { return (Vec)((Mask)v & INT64_MAX); }
 
 BELLCRANK_INLINE Bits bits(Mask m) {
@@ -47,6 +48,7 @@ BELLCRANK_INLINE Bits bits(Mask m) {
 #endif
 }
 BELLCRANK_INLINE bool any(Mask m) { return bits(m) != 0; }
+BELLCRANK_INLINE bool any(bool holds) { return holds; }
 BELLCRANK_INLINE Mask mask(Bits lanes) {
   Mask m;
   for (int l = 0; l < width; ++l) m[l] = std::int64_t{1} << l;
@@ -98,23 +100,13 @@ inline Vec power(Vec x, double y) {
   return (Vec)((Mask)sum + ((Mask)shifted << 52));
 }
 
-// Zeroed vectors.
-class Vectors {
- public:
-  explicit Vectors(std::size_t size) {
-    const std::size_t bytes = (size + 1) * 64;
-    data_ = static_cast<Vec*>(std::aligned_alloc(64, bytes));
-    if (!data_) throw std::bad_alloc();
-    std::memset(static_cast<void*>(data_), 0, bytes);
-  }
-  ~Vectors() { std::free(data_); }
-  Vectors(const Vectors&) = delete;
-  Vectors& operator=(const Vectors&) = delete;
-  operator Vec*() { return data_; }
-  operator const Vec*() const { return data_; }
+using Vectors = Array<Vec>;
 
- private:
-  Vec* data_;
+// The states of one run a lane in vectors.
+struct RunsInLanes {
+  using Vector = Vec;
+  using Number = Vec;
+  static Vec sum(Vec v) { return v; }
 };
 
 }  // namespace BELLCRANK_ISA

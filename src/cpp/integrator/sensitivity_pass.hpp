@@ -4,8 +4,7 @@
 // error control of both. Source: A. C. Hindmarsh et al., SUNDIALS, ACM Trans. Math. Softw. 31 (2005), sec. 2.3 (CVODES).
 #pragma once
 
-#include "right_hand_side.hpp"
-#include "runge_kutta_tableaus.hpp"
+#include "dense_output.hpp"
 #include "sensitivities.hpp"
 
 namespace bellcrank {
@@ -18,8 +17,8 @@ class SensitivityPass {
         m_(p_.nq + p_.nv), width_(problem.lanes), blocks_((problem.directions + width_ - 1) / width_),
         first_((p_.n + 7) / 8 * 8), block_(static_cast<std::size_t>(m_) * width_),
         size_((first_ + blocks_ * block_ + 7) / 8 * 8), y_(size_), old_(size_), stage_(size_), k_(size_ * Method::rows),
-        errors_(2 * size_), dense_(7 * size_), kept_(2 * size_), largest_(2 * blocks_ * width_), changes_(blocks_ * lanes_of(d_.parameters)),
-        tape_(largest_tape()) {}
+        errors_(2 * size_), kept_(2 * size_), largest_(2 * blocks_ * width_), changes_(blocks_ * lanes_of(d_.parameters)),
+        tape_(largest_tape()), polynomials_((size_ - first_) / 4) {}
 
   Status operator()() {
     start();
@@ -47,6 +46,7 @@ class SensitivityPass {
 
  private:
   using Method = Dop853;
+  using Polynomials = StepPolynomials<Method, OneRun, 0>;
   static constexpr int last_ = Method::stages;  // row of the slope at a step's end
   static constexpr double safety = 0.9, least_factor = 0.2, largest_factor = 10;
   static constexpr double most_projected = 1e4, least_projected = 1e-7;  // tolerances; more than rounding
@@ -59,7 +59,8 @@ class SensitivityPass {
   int m_, width_;
   std::size_t blocks_, first_, block_, size_;
   // x, then the blocks of S: entry i of lane l of a block is at [i * width + l]
-  Buffer y_, old_, stage_, k_, errors_, dense_, kept_, largest_, changes_, tape_;
+  Buffer y_, old_, stage_, k_, errors_, kept_, largest_, changes_, tape_;
+  Polynomials polynomials_;
   double t_ = 0, t_old_ = 0, next_ = 0;
   std::size_t next_row_ = 0, pinned_ = static_cast<std::size_t>(-1);
   bool dense_ready_ = false;
@@ -212,8 +213,7 @@ class SensitivityPass {
   template <int S>
   BELLCRANK_INLINE void sum(double h, double* to) {
     const double *y = old_, *k = k_;
-    for (std::size_t i = 0; i < size_; i += 4)
-      at(to + i) = at(y + i) + h * weighted<Weights<RowOf<Method, S>>, S - 1, false>(k + i, size_);
+    stage_argument<Method, S>(vectors(y), vectors(k), size_ / 4, h, vectors(to));
   }
   template <int S>
   BELLCRANK_INLINE bool stage(double h) {
@@ -234,16 +234,16 @@ class SensitivityPass {
   double error_square(double h) {
     double *fifth = errors_, *third = errors_ + size_;
     const double* k = k_;
-    for (std::size_t i = 0; i < size_; i += 4) {
-      at(fifth + i) = weighted<Weights<Error5Of<Method>>, last_ - 1, false>(k + i, size_);
-      at(third + i) = weighted<Weights<Error3Of<Method>>, last_ - 1, false>(k + i, size_);
+    for (std::size_t i = 0; i < size_ / 4; ++i) {
+      vectors(fifth)[i] = weighted<Weights<Error5Of<Method>>, last_ - 1>(vectors(k) + i, size_ / 4);
+      vectors(third)[i] = weighted<Weights<Error3Of<Method>>, last_ - 1>(vectors(k) + i, size_ / 4);
     }
     double a = 0, b = 0;
     for (int i = 0; i < m_; ++i) {
       const double scale = 1 / (p_.atol + p_.rtol * larger(std::fabs(old_[i]), std::fabs(y_[i])));
       a += fifth[i] * fifth[i] * scale * scale, b += third[i] * third[i] * scale * scale;
     }
-    double worst = combined(h, a, b);
+    double worst = norm_square<Method>(h, a, b, m_);
     for (int j = 0; j < d_.directions; ++j) {
       const std::size_t at = first_ + (j / width_) * block_ + j % width_;
       a = b = 0;
@@ -260,14 +260,10 @@ class SensitivityPass {
         const double scale = 1 / larger(d_.tolerance * most, d_.floors[j]);
         a += f * scale * scale, b += g * scale * scale;
       }
-      const double error = combined(h, a, b);
+      const double error = norm_square<Method>(h, a, b, m_);
       if (!(error <= worst)) worst = error;
     }
     return worst;
-  }
-  double combined(double h, double fifth, double third) const {
-    const double both = fifth + 0.01 * third;
-    return both == 0 ? 0 : h * h * fifth / m_ * (fifth / both);
   }
 
   // The largest position and velocity of each direction so far.
@@ -323,44 +319,23 @@ class SensitivityPass {
     }
   }
 
-  template <int Power>
-  BELLCRANK_INLINE Lanes dense_term(std::size_t i) const {
-    const double* k = k_;
-    return weighted<Weights<DenseOf<Method, Power>>, Method::rows - 1, false>(k + i, size_);
+  // The polynomials hold S alone: x is known in the rows.
+  typename Polynomials::Step last_step() const {
+    const double *old = old_, *y = y_, *k = k_;
+    return {vectors(old + first_), vectors(y + first_), vectors(k + first_), size_ / 4, t_ - t_old_};
   }
 
   // The dense output of order 7, by three more stages.
   void prepare() {
     const double h = t_ - t_old_;
     stage<13>(h), stage<14>(h), stage<15>(h);
-    const double *k = k_, *y = y_, *old = old_;
-    double* terms = dense_;
-    for (std::size_t i = first_; i < size_; i += 4) {
-      const Lanes f = h * at(k + i), g = h * at(k + last_ * size_ + i), d = at(y + i) - at(old + i);
-      at(terms + i) = d;
-      at(terms + size_ + i) = f - d;
-      at(terms + 2 * size_ + i) = 2 * d - (g + f);
-      at(terms + 3 * size_ + i) = h * dense_term<0>(i);
-      at(terms + 4 * size_ + i) = h * dense_term<1>(i);
-      at(terms + 5 * size_ + i) = h * dense_term<2>(i);
-      at(terms + 6 * size_ + i) = h * dense_term<3>(i);
-    }
+    polynomials_.complete(last_step());
     dense_ready_ = true;
   }
 
   void interpolate(double s) {
-    const double r = 1 - s;
-    const double *f = dense_, *old = old_;
     double* to = stage_;
-    for (std::size_t i = first_; i < size_; i += 4) {
-      Lanes sum = at(f + 6 * size_ + i) * s;
-      sum = (sum + at(f + 5 * size_ + i)) * r;
-      sum = (sum + at(f + 4 * size_ + i)) * s;
-      sum = (sum + at(f + 3 * size_ + i)) * r;
-      sum = (sum + at(f + 2 * size_ + i)) * s;
-      sum = (sum + at(f + size_ + i)) * r;
-      at(to + i) = at(old + i) + (sum + at(f + i)) * s;
-    }
+    polynomials_.interpolate(last_step(), s, vectors(to + first_));
   }
 };
 

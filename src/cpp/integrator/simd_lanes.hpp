@@ -1,4 +1,5 @@
-// SIMD: four doubles at a time, and weighted sums of stages unrolled from a table.
+// SIMD: four doubles at a time, and weighted sums of stages unrolled from a table. Formulas are written once, for a vector and
+// the numbers of a run: four entries of one state with a double, or one entry of one run a lane with a vector as well.
 #pragma once
 
 #ifdef __AVX2__
@@ -17,8 +18,17 @@ typedef double Lanes __attribute__((vector_size(32)));
 
 BELLCRANK_INLINE Lanes& at(double* p) { return *reinterpret_cast<Lanes*>(p); }
 BELLCRANK_INLINE const Lanes& at(const double* p) { return *reinterpret_cast<const Lanes*>(p); }
+BELLCRANK_INLINE Lanes* vectors(double* p) { return reinterpret_cast<Lanes*>(p); }
+BELLCRANK_INLINE const Lanes* vectors(const double* p) { return reinterpret_cast<const Lanes*>(p); }
 BELLCRANK_INLINE Lanes magnitude(Lanes v) { return v < 0 ? -v : v; }
 BELLCRANK_INLINE double total(Lanes v) { return (v[0] + v[2]) + (v[1] + v[3]); }
+
+// The state of one run in vectors; of one run a lane: RunsInLanes (lane_vector.hpp).
+struct OneRun {
+  using Vector = Lanes;
+  using Number = double;
+  static double sum(Lanes v) { return total(v); }
+};
 
 // Loads lanes that were just stored one by one: a vector load would wait until the stores have left the store buffer.
 BELLCRANK_INLINE Lanes fresh(const double* p) {
@@ -31,16 +41,16 @@ BELLCRANK_INLINE Lanes fresh(const double* p) {
 #endif
 }
 
-// sum over j <= J of table(j) k_j, the latest stage last
-template <class Table, int J, bool Fresh, bool Latest = true>
-BELLCRANK_INLINE Lanes weighted(const double* k, std::size_t stride) {
+// sum over j <= J of table(j) k_j, the latest stage last, which is `Fresh` where it was just stored one by one
+template <class Table, int J, bool Fresh = false, bool Latest = true, class V>
+BELLCRANK_INLINE V weighted(const V* k, std::size_t stride) {
   constexpr double weight = Table::at(J);
   if constexpr (weight == 0) {
     return weighted<Table, J - 1, Fresh, false>(k, stride);
   } else {
-    Lanes value;
-    if constexpr (Fresh && Latest) value = fresh(k + J * stride);
-    else value = at(k + J * stride);
+    V value;
+    if constexpr (Fresh && Latest) value = fresh(reinterpret_cast<const double*>(k + J * stride));
+    else value = k[J * stride];
     if constexpr (Table::first(J)) return weight * value;
     else return weighted<Table, J - 1, Fresh, false>(k, stride) + weight * value;
   }
