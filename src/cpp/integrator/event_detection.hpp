@@ -9,6 +9,7 @@
 
 #include "event_sampling.hpp"
 #include "last_step.hpp"
+#include "zero_search.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -16,13 +17,6 @@ namespace BELLCRANK_ISA {
 enum class Found { nothing, terminal, failed };
 
 inline int sign(double v) { return v > 0 ? 1 : v < 0 ? -1 : 0; }
-inline double safety_factor(int depth) { return depth ? 4 : 2; }
-
-// Whether a function surely has no zero between three samples of the same sign, at both ends and the middle of a step.
-template <class T>
-auto halves_have_no_zero(const T* v) {
-  return smaller(absolute(v[0]), smaller(absolute(v[1]), absolute(v[2]))) > absolute(v[0] - 2.0 * v[1] + v[2]);
-}
 
 // Whether there may be more crossings between samples i and i + 1 than their signs show. Where samples or their
 // differences are not finite, only the signs are used.
@@ -174,17 +168,9 @@ class Events {
 
   // Whether one event surely has no crossing in this step, by its samples.
   bool has_no_zero(int e) const {
-    if (sign_[e] == 0 || hint_[e] > 0) return false;
     double v[parts + 1];
-    for (int i = 0; i <= samples; ++i) {
-      v[i] = g(i, e);
-      if (sign(v[i]) != sign_[e]) return false;
-    }
-    if (samples == 2) return halves_have_no_zero(v);
-    const Shape shape(v);
-    for (int i = 0; i < parts; ++i)
-      if (!shape.has_no_zero(i, v, safety_factor(0))) return false;
-    return true;
+    for (int i = 0; i <= samples; ++i) v[i] = g(i, e);
+    return hint_[e] <= 0 && keeps_sign(v, static_cast<double>(sign_[e]), samples == 2);
   }
 
   double largest(int e) const {
@@ -333,54 +319,28 @@ class Events {
     return sign(value_[e]) == before;
   }
 
-  // Rounding of the time, as a fraction of the step.
-  double least() const { return larger(2 * spacing(last_.t) / length(), 1e-16); }
+  double least() const { return rounding_of_time(last_.t, length()); }
 
-  // A bracketed root: T. R. Chandrupatla, Adv. Eng. Software 28 (1997) 145-149.
   double root(int e, double a, double at_a, double b, double at_b) {
-    const double rounding = least();
-    double c = a, at_c = at_a, fraction = 0.5;
-    for (int k = 0; k < 100; ++k) {
-      const double s = a + fraction * (b - a), at_s = along(e, s);
-      if (at_s == 0 || at_s != at_s) return s;
-      if (sign(at_s) == sign(at_a)) c = a, at_c = at_a;
-      else c = b, at_c = at_b, b = a, at_b = at_a;
-      a = s, at_a = at_s;
-      const double tolerance = rounding / std::fabs(b - a);
-      if (tolerance > 0.5) break;
-      const double xi = (a - b) / (c - b), phi = (at_a - at_b) / (at_c - at_b);
-      fraction = 0.5;
-      if (phi * phi < xi && (1 - phi) * (1 - phi) < 1 - xi)
-        fraction = at_a / (at_b - at_a) * at_c / (at_b - at_c) +
-                   (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b);
-      fraction = smaller(1 - tolerance, larger(tolerance, fraction));
-    }
-    return std::fabs(at_a) < std::fabs(at_b) ? a : b;
+    double value;
+    return bracketed_root([&](double s) { return along(e, s); }, a, at_a, b, at_b, least(), true, &value);
   }
 
-  // Corrects a root on the dense output by secant iterations over steps that end there; leaves the state at the event.
+  // Corrects a root on the dense output; leaves the state at the event.
   double refined(int e, double s, double interval, double* x) {
     const double start = last_.t_old, h = length(), ulp = spacing(last_.t);
     const std::size_t bytes = p_.n * sizeof(double);
     if ((1 - s) * h <= ulp) return std::memcpy(x, last_.state(), bytes), last_.t;
     if (s * h <= ulp) return std::memcpy(x, last_.old_state(), bytes), start;
-    const double width = smaller(smaller(1e-3, larger(0.05 * interval, 1e-7)), smaller(s, 1 - s));
-    const double most = smaller(0.1, larger(interval, 1e-5)) * h;
-    double slope = (along(e, s + width) - along(e, s - width)) / (2 * width * h);
-    double now = s * h, before = 0, at_before = 0;
-    for (int k = 0; k < 8; ++k) {
-      if (!last_.redo(now, x_)) break;
+    const auto repeat = [&](double now, bool, double* value) {
+      if (!last_.redo(now, x_)) return false;
       std::memcpy(x, x_, bytes);
       if (!evaluate(start + now, x_, value_)) failed_ = true;
-      const double at_now = value_[e];
-      if (k > 0 && at_now != at_before) slope = (at_now - at_before) / (now - before);
-      const double next = now - at_now / slope;
-      if (at_now == 0 || std::fabs(next - now) <= 0.5 * ulp) return start + now;
-      if (!(std::fabs(next - s * h) < most) || next <= 0 || next >= h) break;
-      before = now, at_before = at_now;
-      now = next;
-    }
-    if (std::fabs(now - before) <= 4 * ulp) return start + now;  // as close as rounding allows
+      return *value = value_[e], true;
+    };
+    double time;
+    if (!corrected_root([&](double share) { return along(e, share); }, repeat, start, last_.t, s, interval, true, &time))
+      return time;
     if (last_.redo(s * h, x_)) std::memcpy(x, x_, bytes);
     else last_.approximate(s, x_), rhs_.normalise_and_project(start + s * h, x_), std::memcpy(x, x_, bytes);
     return start + s * h;

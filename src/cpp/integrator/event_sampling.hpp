@@ -110,6 +110,29 @@ struct ShapeOf {
   auto parabola(int i) const { return miss <= 0.1 * arc(i); }
 };
 
+inline double safety_factor(int depth) { return depth ? 4 : 2; }
+
+// Whether a function surely has no zero between three samples of the same sign, at both ends and the middle of a step.
+template <class T>
+auto halves_have_no_zero(const T* v) {
+  return smaller(absolute(v[0]), smaller(absolute(v[1]), absolute(v[2]))) > absolute(v[0] - 2.0 * v[1] + v[2]);
+}
+
+// Whether a function surely keeps its sign (1, -1, or 0 where it has none yet) in a step with nine samples, or a `few`: three.
+template <class T>
+auto keeps_sign(const T* v, T sign, bool few) {
+  auto clear = v[0] * sign > 0.0;
+  for (int i = 1; i <= (few ? 2 : parts); ++i) clear = clear & (v[i] * sign > 0.0);
+  if (!any(clear)) return clear;
+  if (few) {
+    clear = clear & halves_have_no_zero(v);
+  } else {
+    const ShapeOf<T> shape(v);
+    for (int i = 0; i < parts; ++i) clear = clear & shape.has_no_zero(i, v, safety_factor(0));
+  }
+  return clear;
+}
+
 // The same, where a bend that grows towards an end of the step must not be taken for a smaller one.
 template <class T, int Stride = 1>
 struct ShapeToEnds : ShapeOf<T, Stride> {

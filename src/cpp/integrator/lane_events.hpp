@@ -48,18 +48,9 @@ class LaneEvents {
   Mask has_no_zero(const LaneBlock& block) const {
     Mask clear = Mask{} == 0;
     for (int e = 0; e < count_; ++e) {
-      clear &= (block.sign[e] != 0.0) & (block.hint[e] <= 0.0);
       Vec v[parts + 1];
-      for (int i = 0; i <= samples_; ++i) {
-        v[i] = g_[i * count_ + e];
-        clear &= v[i] * block.sign[e] > 0.0;
-      }
-      if (few()) {
-        clear &= halves_have_no_zero(v);
-      } else {
-        const ShapeOf<Vec> shape(v);
-        for (int i = 0; i < parts; ++i) clear &= shape.has_no_zero(i, v, safety_factor(0));
-      }
+      for (int i = 0; i <= samples_; ++i) v[i] = g_[i * count_ + e];
+      clear &= (block.hint[e] <= 0.0) & keeps_sign(v, block.sign[e], few());
     }
     return clear;
   }
@@ -174,9 +165,11 @@ class LaneEvents {
       if (!busy) return hard;
       if (!copied) repeated_.copy_starts(block), copied = true;
       Vec value = {}, time = {};
-      const Vec s = root(block, a, at_a, b, at_b, mask(busy), &value);
+      const Vec least = rounding_of_time(block.t, block.t - block.t_old);
+      const auto along = [&](Vec share) { return this->along(block, share); };
+      const Vec s = bracketed_root(along, a, at_a, b, at_b, least, mask(busy), &value);
       Bits failed = bits(mask(busy) & (value == 0.0));
-      if (failed) failed &= bits(level(block, s));
+      if (failed) failed &= bits((s > 8.0 * least) & (along(s - 8.0 * least) == 0.0));  // it stays at zero, as max(x, 0) does
       failed |= correct(block, s, b - a, mask(busy & ~failed), &time);
       hard |= failed;
       states_.reserve(used_ + static_cast<std::size_t>(width) * n_);
@@ -200,79 +193,26 @@ class LaneEvents {
     return chosen;
   }
 
-  // Bracketed roots (event_detection.hpp), and the function there.
-  Vec root(LaneBlock& block, Vec a, Vec at_a, Vec b, Vec at_b, Mask active, Vec* value) {
-    const Vec least = rounding(block);
-    Vec c = a, at_c = at_a, fraction = splat(0.5), found = {};
-    *value = splat(NAN);
-    for (int k = 0; k < 100 && bits(active); ++k) {
-      const Vec s = a + fraction * (b - a), at_s = along(block, s);
-      const Mask hit = active & ((at_s == 0.0) | (at_s != at_s));
-      found = hit ? s : found, *value = hit ? at_s : *value;
-      active &= ~hit;
-      const Mask same = (at_s > 0.0) == (at_a > 0.0);
-      c = same ? a : b, at_c = same ? at_a : at_b;
-      b = same ? b : a, at_b = same ? at_b : at_a;
-      a = s, at_a = at_s;
-      const Vec tolerance = least / absolute(b - a);
-      const Mask done = active & ((tolerance > 0.5) | ~(tolerance == tolerance));
-      found = active ? (absolute(at_a) < absolute(at_b) ? a : b) : found;
-      active &= ~done;
-      const Vec xi = (a - b) / (c - b), phi = (at_a - at_b) / (at_c - at_b);
-      const Vec inverse = at_a / (at_b - at_a) * at_c / (at_b - at_c) +
-                          (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b);
-      const Mask good = (phi * phi < xi) & ((1.0 - phi) * (1.0 - phi) < 1.0 - xi);
-      fraction = good ? inverse : splat(0.5);
-      fraction = smaller(1.0 - tolerance, larger(tolerance, fraction));
-    }
-    return found;
-  }
-
-  // Whether the function is zero just before s as well: it stays at zero, as max(x, 0) does.
-  Mask level(LaneBlock& block, Vec s) {
-    const Vec step = 8.0 * rounding(block);
-    return (s > step) & (along(block, s - step) == 0.0);
-  }
-
-  // Rounding of the time, as a fraction of the step.
-  static Vec rounding(const LaneBlock& block) {
-    return larger(2.0 * spacing(block.t) / (block.t - block.t_old), splat(1e-16));
-  }
-
-  // Corrects roots on the dense output by secant iterations over steps that end there (event_detection.hpp, refined); the
-  // states there go to found_. Returns lanes where that fails.
+  // Corrects roots on the dense output (event_detection.hpp, refined); the states there go to found_. Returns lanes where that
+  // fails.
   Bits correct(LaneBlock& block, Vec s, Vec interval, Mask active, Vec* time) {
-    const Vec start = block.t_old, h = block.t - start, ulp = spacing(block.t), first = s * h;
-    const Mask at_end = active & (h - first <= ulp), at_start = active & ~at_end & (first <= ulp);
+    const Vec start = block.t_old, h = block.t - start, ulp = spacing(block.t);
+    const Mask at_end = active & ((1.0 - s) * h <= ulp), at_start = active & ~at_end & (s * h <= ulp);
     *time = at_end ? block.t : start;
     for (int i = 0; i < n_; ++i) found_[i] = at_end ? block.x[i] : block.old[i];
     active &= ~(at_end | at_start);
-    if (!bits(active)) return 0;
-    const Vec width_of = smaller(smaller(splat(1e-3), larger(0.05 * interval, splat(1e-7))), smaller(s, 1.0 - s));
-    const Vec most = smaller(splat(0.1), larger(interval, splat(1e-5))) * h;
-    Vec slope = (along(block, s + width_of) - along(block, s - width_of)) / (2.0 * width_of * h);
-    Vec now = first, before = {}, at_before = {};
-    Bits failed = 0;
-    for (int k = 0; k < 8 && bits(active); ++k) {
-      const Mask sound = method_.redo(repeated_, now, x_, active);
-      block.evaluations += active ? splat(Method::stages - 1) : Vec{};
-      failed |= bits(active & ~sound);
-      active &= sound;
-      for (int i = 0; i < n_; ++i) found_[i] = active ? x_[i] : found_[i];
-      const Vec at_now = at(block, start + now, x_);
-      if (k > 0) slope = at_now != at_before ? (at_now - at_before) / (now - before) : slope;
-      const Vec next = now - at_now / slope;
-      const Mask done = active & ((at_now == 0.0) | (absolute(next - now) <= 0.5 * ulp));
-      *time = active ? start + now : *time;
-      active &= ~done;
-      const Mask out = active & (~(absolute(next - first) < most) | (next <= 0.0) | (next >= h));
-      failed |= bits(out & ~(absolute(now - before) <= 4.0 * ulp));
-      active &= ~out;
-      before = active ? now : before, at_before = active ? at_now : at_before;
-      now = active ? next : now;
-      *time = active ? start + now : *time;
-    }
-    return failed | bits(active & ~(absolute(now - before) <= 4.0 * ulp));
+    if (!any(active)) return 0;
+    const auto repeat = [&](Vec now, Mask wanted, Vec* value) {
+      const Mask sound = method_.redo(repeated_, now, x_, wanted);
+      block.evaluations += wanted ? splat(Method::stages - 1) : Vec{};
+      for (int i = 0; i < n_; ++i) found_[i] = wanted & sound ? x_[i] : found_[i];
+      return *value = at(block, start + now, x_), sound;
+    };
+    Vec corrected;
+    const auto along = [&](Vec share) { return this->along(block, share); };
+    const Mask failed = corrected_root(along, repeat, start, block.t, s, interval, active, &corrected);
+    *time = active ? corrected : *time;
+    return bits(failed);
   }
 
   // Writes a lane's crossings up to the first terminal one and those at the same instant.

@@ -43,17 +43,10 @@ class LaneObservation {
   Mask stays_within(const LaneBlock& block) const {
     Mask clear = Mask{} == 0;
     for (int j = 0; j < within_; ++j) {
-      Vec v[parts + 1], end = y_[parts * count_ + j];
-      const Vec span = samples<2>(y_, j, v);
-      const Vec least = smaller(block.least[j], end), largest = larger(block.largest[j], end);
-      const Vec margin = 0.1 * tolerance(block, least, largest);
-      const ShapeToEnds<Vec, 2> shape(v);
-      Mask may = Mask{};
-      for (int i = 0; i < parts / 2; ++i)
-        may |= ~shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
-      const Mask explained = (block.calm[j] >= ObservedHistory::enough) & (span <= 4.0 * block.noise[j]);
-      may = (may & ~explained) | ~(shape.miss < INFINITY);
-      clear &= ~may | (block.least[j] != block.least[j]);
+      Vec v[parts + 1], least = block.least[j], largest = block.largest[j];
+      take_in(y_[parts * count_ + j], least, largest);
+      const Vec span = samples_of<2, Vec>(y_, count_, j, v);
+      clear &= stays_between(v, span, least, largest, tolerance(block, least, largest), history(block, j));
     }
     return clear;
   }
@@ -91,12 +84,10 @@ class LaneObservation {
       block.calm[j] = easy ? calm_[j] : block.calm[j];
     }
     for (int i = 1; i < parts; ++i) take(block, y_ + i * count_, within_, easy);
-    climb(block, part, doubtful & ~hard);
+    climb_listed(block, part, doubtful & ~hard);
   }
 
  private:
-  using Polynomial = ExtremumPolynomial<Vec>;
-
   // The search for an extremum of quantity `j` between samples i and i + 1.
   struct Climb {
     int j, i;
@@ -114,26 +105,20 @@ class LaneObservation {
   int jobs_count_[width] = {};
 
   static Vec tolerance(const LaneBlock& block, Vec least, Vec largest) {
-    return block.atol + block.rtol * larger(absolute(least), absolute(largest));
+    return allowed_error(block.atol, block.rtol, least, largest);
   }
 
-  // The samples of quantity j, and how far apart they lie.
-  template <int Stride = 1>
-  Vec samples(const Vec* rows, int j, Vec* v) const {
-    Vec least = splat(INFINITY), largest = splat(-INFINITY);
-    for (int i = 0; i <= parts / Stride; ++i) {
-      v[i] = rows[i * Stride * count_ + j];
-      least = smaller(v[i], least), largest = larger(v[i], largest);
-    }
-    return largest - least;
+  static ObservedHistory<Vec> history(const LaneBlock& block, int j) {
+    ObservedHistory<Vec> known;
+    known.noise = block.noise[j], known.calm = block.calm[j];
+    return known;
   }
 
-  // Extremes that are not numbers stay so.
   static void take(LaneBlock& block, const Vec* values, int count, Mask lanes) {
     for (int j = 0; j < count; ++j) {
-      const Vec v = values[j], least = block.least[j], largest = block.largest[j];
-      block.least[j] = lanes & ~(v >= least) & (least == least) ? v : least;
-      block.largest[j] = lanes & ~(v <= largest) & (largest == largest) ? v : largest;
+      Vec least = block.least[j], largest = block.largest[j];
+      take_in(values[j], least, largest);
+      block.least[j] = lanes ? least : block.least[j], block.largest[j] = lanes ? largest : block.largest[j];
     }
   }
 
@@ -152,21 +137,14 @@ class LaneObservation {
     equations_.observe(block, time, x_, values);
   }
 
-  // ObservedHistory::learn
   void learn(const LaneBlock& block) {
     for (int j = 0; j < within_; ++j) {
-      Vec cheap[parts + 1], v[parts + 1], gap = {}, beyond = {};
-      const Vec span = samples(cheap_, j, cheap);
-      samples(y_, j, v);
-      for (int i = 1; i < parts; ++i) {
-        gap = larger(gap, absolute(cheap[i] - v[i]));
-        beyond = larger(beyond, larger(block.least[j] - v[i], v[i] - block.largest[j]));
-      }
-      const Mask flat = span <= 4.0 * gap;
-      const Mask kept = beyond <= 10.0 * tolerance(block, block.least[j], block.largest[j]);
-      noise_[j] = flat ? (kept ? larger(block.noise[j], gap) : Vec{}) : block.noise[j];
-      calm_[j] = flat ? (kept ? block.calm[j] + 1.0 : Vec{}) : block.calm[j];
-      constant_[j] = bits(flat & kept);
+      Vec cheap[parts + 1], v[parts + 1], least = block.least[j], largest = block.largest[j];
+      const Vec span = samples_of<1, Vec>(cheap_, count_, j, cheap);
+      samples_of<1, Vec>(y_, count_, j, v);
+      ObservedHistory<Vec> known = history(block, j);
+      known.learn(cheap, v, span, least, largest, tolerance(block, least, largest));
+      noise_[j] = known.noise, calm_[j] = known.calm, constant_[j] = bits(known.constant);
     }
   }
 
@@ -177,13 +155,13 @@ class LaneObservation {
     each(lanes, [&](int l) { jobs_count_[l] = 0; });
     for (int j = 0; j < within_; ++j) {
       Vec v[parts + 1], least = block.least[j], largest = block.largest[j];
-      samples(y_, j, v);
+      samples_of<1, Vec>(y_, count_, j, v);
       for (int i = 1; i < parts; ++i) least = smaller(v[i], least), largest = larger(v[i], largest);
-      const Vec allowed = tolerance(block, least, largest), margin = 0.1 * allowed;
+      const Vec allowed = tolerance(block, least, largest);
       const ShapeToEnds<Vec> shape(v);
       const Bits sampled = lanes & ~constant_[j] & bits(shape.miss < INFINITY);
       for (int i = 0; sampled && i < parts; ++i) {
-        const Mask may = ~shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
+        const Mask may = may_exceed(shape, i, v, least, largest, allowed);
         const Mask smooth = shape.parabola(i) | (shape.miss <= allowed);
         hard |= sampled & bits(may & ~smooth);
         const Bits found = sampled & bits(may & smooth);
@@ -197,7 +175,7 @@ class LaneObservation {
   }
 
   // Finds the extrema that are listed, one of each lane at a time.
-  void climb(LaneBlock& block, Vec part, Bits lanes) {
+  void climb_listed(LaneBlock& block, Vec part, Bits lanes) {
     for (int round = 0;; ++round) {
       Bits busy = 0;
       int j[width] = {};
@@ -211,25 +189,22 @@ class LaneObservation {
           node[k][l] = place[first + k], value[k][l] = y_[(first + k) * count_ + job.j][l];
       });
       if (!busy) return;
-      Polynomial polynomial;
+      ExtremumPolynomial<Vec> polynomial;
       for (int k = 0; k < near; ++k) polynomial.add(node[k], value[k]);
       const auto chosen = [&](const Vec* quantities) {
         Vec of;
         for (int l = 0; l < width; ++l) of[l] = quantities[j[l]][l];
         return of;
       };
-      Mask active = mask(busy);
-      for (int k = 0; k < 6; ++k) {
-        Vec s;
-        active &= polynomial.extremum(left, right, &s);
-        const Vec expected = polynomial(s), least = chosen(block.least), largest = chosen(block.largest);
-        const Vec margin = 0.1 * tolerance(block, least, largest);
-        active &= (expected < least - margin) | (expected > largest + margin);
-        if (!any(active)) break;
+      const auto extremes = [&](Vec* least, Vec* largest) {
+        *least = chosen(block.least), *largest = chosen(block.largest);
+        return tolerance(block, *least, *largest);
+      };
+      climb(polynomial, left, right, mask(busy), extremes, [&](Vec s, Mask active) {
         between(block, part * s, value_, bits(active));
         take(block, value_, within_, active);
-        polynomial.add(s, chosen(value_));
-      }
+        return chosen(value_);
+      });
     }
   }
 };

@@ -81,7 +81,7 @@ class LaneSingleStep {
     for (int j = 0; j < e_.observed; ++j)
       block_.least[j][lane_] = record_.least[j], block_.largest[j][lane_] = record_.largest[j];
     for (int j = 0; j < e_.observed_within; ++j) {
-      const ObservedHistory& h = observed_.history(j);
+      const auto& h = observed_.history(j);
       block_.noise[j][lane_] = h.noise, block_.calm[j][lane_] = h.calm, block_.exhausted[j][lane_] = h.exhausted;
     }
     count_evaluations();

@@ -14,27 +14,91 @@
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-// What is known of a quantity from the steps before. One that is constant but for the error of the cheap polynomial, such
-// as the energy of a conservative system, leaves the extremes in every step there, and not on the dense output: where
-// that was found twice, such steps are no longer sampled again.
-struct ObservedHistory {
-  double noise = 0;      // the error of the cheap polynomial in such steps
-  double calm = 0;       // such steps one after another in which the dense output kept to the extremes
-  double exhausted = 0;  // steps in which all samples allowed were used
-  bool constant = false; // in the last step that was sampled again
+// The error that tolerances allow in a quantity.
+template <class T>
+T allowed_error(T atol, T rtol, T least, T largest) {
+  return atol + rtol * larger(absolute(least), absolute(largest));
+}
 
-  static constexpr int enough = 2, patience = 8;
-  bool explains(double span) const { return calm >= enough && span <= 4 * noise; }
-  // A step whose samples lie `span` apart was sampled again: they were off by up to `gap`, and the dense output kept to
-  // the extremes or not.
-  void learn(double span, double gap, bool kept) {
-    const bool flat = span <= 4 * gap;
-    constant = flat && kept;
-    if (!flat) return;
-    noise = kept ? larger(noise, gap) : 0;
-    calm = kept ? calm + 1 : 0;
+// What is known of a quantity from the steps before (`T`: double, or a vector with a run in each lane). One that is constant
+// but for the error of the cheap polynomial, such as the energy of a conservative system, leaves the extremes in every step
+// there, and not on the dense output: where that was found twice, such steps are no longer sampled again.
+template <class T>
+struct ObservedHistory {
+  T noise = {};               // the error of the cheap polynomial in such steps
+  T calm = {};                // such steps one after another in which the dense output kept to the extremes
+  T exhausted = {};           // steps in which all samples allowed were used
+  decltype(T{} > T{}) constant = {};  // in the last step that was sampled again
+
+  static constexpr int patience = 8;
+  auto explains(T span) const { return (calm >= 2.0) & (span <= 4.0 * noise); }
+  // A step was sampled again: what the cheap polynomial gave at `place`, `span` apart, and what the dense output.
+  void learn(const T* cheap, const T* v, T span, T least, T largest, T allowed) {
+    T gap = {}, beyond = {};
+    for (int i = 1; i < parts; ++i) {
+      gap = larger(gap, absolute(cheap[i] - v[i]));
+      beyond = larger(beyond, larger(least - v[i], v[i] - largest));
+    }
+    const auto flat = span <= 4.0 * gap, kept = beyond <= 10.0 * allowed;
+    constant = flat & kept;
+    noise = flat ? (kept ? larger(noise, gap) : T{}) : noise;
+    calm = flat ? (kept ? calm + 1.0 : T{}) : calm;
   }
 };
+
+// The samples of quantity j among rows of `count` quantities, and how far apart they lie.
+template <int Stride, class T>
+T samples_of(const T* rows, int count, int j, T* v) {
+  T least = T{} + INFINITY, largest = T{} - INFINITY;
+  for (int i = 0; i <= parts / Stride; ++i) {
+    v[i] = rows[i * Stride * count + j];
+    least = smaller(v[i], least), largest = larger(v[i], largest);
+  }
+  return largest - least;
+}
+
+// Takes a value in; extremes that are not numbers stay so.
+template <class T>
+void take_in(T v, T& least, T& largest) {
+  least = !(v >= least) & (least == least) ? v : least;
+  largest = !(v <= largest) & (largest == largest) ? v : largest;
+}
+
+// Whether a quantity may leave its extremes between samples i and i + 1.
+template <class AnyShape, class T>
+auto may_exceed(const AnyShape& shape, int i, const T* v, T least, T largest, T allowed) {
+  const T margin = 0.1 * allowed;
+  return !shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
+}
+
+// Whether a quantity surely has no extremum in a step beyond those so far, by every other sample.
+template <class T>
+auto stays_between(const T* v, T span, T least, T largest, T allowed, const ObservedHistory<T>& history) {
+  const ShapeToEnds<T, 2> shape(v);
+  const auto unknown = least != least;
+  const auto certain = unknown | history.explains(span);
+  auto may = !certain;
+  if (any(may)) {
+    auto leaves = may_exceed(shape, 0, v, least, largest, allowed);
+    for (int i = 1; i < parts / 2; ++i) leaves = leaves | may_exceed(shape, i, v, least, largest, allowed);
+    may = may & leaves;
+  }
+  return unknown | (!may & (shape.miss < INFINITY));
+}
+
+// The extremum between samples at `left` and `right`, by successive polynomials: `along`(s, active) samples anew, and takes
+// the sample into the extremes so far, which are `extremes`(&least, &largest), and returns the error allowed.
+template <class T, class M, class Extremes, class Along>
+void climb(ExtremumPolynomial<T>& polynomial, T left, T right, M active, const Extremes& extremes, const Along& along) {
+  for (int k = 0; k < 6; ++k) {
+    T s, least, largest;
+    active &= polynomial.extremum(left, right, &s);
+    const T expected = polynomial(s), margin = 0.1 * extremes(&least, &largest);
+    active &= (expected < least - margin) | (expected > largest + margin);
+    if (!any(active)) return;
+    polynomial.add(s, along(s, active));
+  }
+}
 
 class ObservedExtremes {
  public:
@@ -65,7 +129,7 @@ class ObservedExtremes {
 
   // A run that was begun elsewhere goes on with the step that the stepper has taken over.
   void resume() { evaluate(last_.t_old, last_.old_state(), y_ + parts * count_); }
-  ObservedHistory& history(int j) { return history_[j]; }
+  ObservedHistory<double>& history(int j) { return history_[j]; }
 
  private:
   static constexpr int deepest = 9;        // levels of intervals within intervals
@@ -78,7 +142,7 @@ class ObservedExtremes {
   double *least_, *largest_;
   Buffer x_, plain_;  // plain_: a state before it is projected
   Buffer value_, y_, cheap_;  // rows y_: at each place, the first at the step's start; cheap_: of the cheap polynomial
-  Array<ObservedHistory> history_;
+  Array<ObservedHistory<double>> history_;
   Inputs in_;
   double end_ = 1;  // of the part of the step that counts, as a fraction of it
   int values_used_ = 0;
@@ -93,13 +157,8 @@ class ObservedExtremes {
       for (int j = 0; j < count_; ++j) values[j] = NAN;
   }
 
-  // Extremes that are not numbers stay so.
   void take(const double* values, int count) {
-    for (int j = 0; j < count; ++j) {
-      const double v = values[j];
-      if (!(v >= least_[j]) && least_[j] == least_[j]) least_[j] = v;
-      if (!(v <= largest_[j]) && largest_[j] == largest_[j]) largest_[j] = v;
-    }
+    for (int j = 0; j < count; ++j) take_in(values[j], least_[j], largest_[j]);
   }
 
   void take_end(double t, const double* x) {
@@ -128,37 +187,13 @@ class ObservedExtremes {
     }
   }
 
-  // The error that the run's tolerances allow in a quantity.
-  double tolerance(int j) const { return p_.atol + p_.rtol * larger(std::fabs(least_[j]), std::fabs(largest_[j])); }
+  double tolerance(int j) const { return allowed_error(p_.atol, p_.rtol, least_[j], largest_[j]); }
 
   // Whether quantity j surely has no extremum in this step beyond those so far.
   bool stays_within(int j) const {
-    if (least_[j] != least_[j]) return true;
     double v[parts + 1];
-    const double span = samples<2>(y_, j, v);
-    const ShapeToEnds<double, 2> shape(v);
-    if (!(shape.miss < INFINITY)) return false;
-    if (history_[j].explains(span)) return true;
-    for (int i = 0; i < parts / 2; ++i)
-      if (may_exceed(shape, i, v, j)) return false;
-    return true;
-  }
-
-  // The samples of quantity j among rows of samples, and how far apart they lie.
-  template <int Stride = 1>
-  double samples(const double* rows, int j, double* v) const {
-    double least = INFINITY, largest = -INFINITY;
-    for (int i = 0; i <= parts / Stride; ++i) {
-      v[i] = rows[i * Stride * count_ + j];
-      least = smaller(v[i], least), largest = larger(v[i], largest);
-    }
-    return largest - least;
-  }
-
-  template <class AnyShape>
-  bool may_exceed(const AnyShape& shape, int i, const double* v, int j) const {
-    const double margin = 0.1 * tolerance(j);
-    return !shape.is_monotonic(i, v) && shape.may_leave(i, v, least_[j] - margin, largest_[j] + margin, 4);
+    const double span = samples_of<2, double>(y_, count_, j, v);
+    return stays_between(v, span, least_[j], largest_[j], tolerance(j), history_[j]);
   }
 
   // The value of quantity j at a state of the dense output; the others are taken as well.
@@ -188,7 +223,7 @@ class ObservedExtremes {
     for (int j = 0; j < within_; ++j) {
       if (history_[j].constant) continue;
       double v[parts + 1];
-      samples(y_, j, v);
+      samples_of<1, double>(y_, count_, j, v);
       values_used_ = 0;
       search_interval(j, 0, end_, v, 0);
       history_[j].exhausted += values_used_ >= most_values;
@@ -196,14 +231,10 @@ class ObservedExtremes {
   }
 
   void learn(int j) {
-    double cheap[parts + 1], v[parts + 1], gap = 0, beyond = 0;
-    const double span = samples(cheap_, j, cheap);
-    samples(y_, j, v);
-    for (int i = 1; i < parts; ++i) {
-      gap = larger(gap, std::fabs(cheap[i] - v[i]));
-      beyond = larger(beyond, larger(least_[j] - v[i], v[i] - largest_[j]));
-    }
-    history_[j].learn(span, gap, beyond <= 10 * tolerance(j));
+    double cheap[parts + 1], v[parts + 1];
+    const double span = samples_of<1, double>(cheap_, count_, j, cheap);
+    samples_of<1, double>(y_, count_, j, v);
+    history_[j].learn(cheap, v, span, least_[j], largest_[j], tolerance(j));
   }
 
   void search_interval(int j, double a, double b, const double* v, int depth) {
@@ -214,7 +245,7 @@ class ObservedExtremes {
       int i = -1;
       double most = 0;
       for (int k = 0; k < parts; ++k) {
-        if (done[k] || !may_exceed(shape, k, v, j)) continue;
+        if (done[k] || !may_exceed(shape, k, v, least_[j], largest_[j], tolerance(j))) continue;
         const double excess = larger(larger(v[k], v[k + 1]) - largest_[j], least_[j] - smaller(v[k], v[k + 1]));
         if (i < 0 || excess + shape.arc(k) > most) i = k, most = excess + shape.arc(k);
       }
@@ -222,8 +253,8 @@ class ObservedExtremes {
       done[i] = true;
       const double left = a + (b - a) * place[i], right = i + 1 == parts ? b : a + (b - a) * place[i + 1];
       const bool smooth = shape.parabola(i) || shape.miss <= tolerance(j);
-      if (smooth && turns_within(i, v)) climb(j, a, b, i, v);
-      else if (!smooth && depth + 1 < deepest && values_used_ < most_values && history_[j].exhausted < ObservedHistory::patience)
+      if (smooth && turns_within(i, v)) climb_between(j, a, b, i, v);
+      else if (!smooth && depth + 1 < deepest && values_used_ < most_values && history_[j].exhausted < ObservedHistory<double>::patience)
         again(j, left, v[i], right, v[i + 1], depth + 1);
     }
   }
@@ -236,16 +267,15 @@ class ObservedExtremes {
   }
 
   // The extremum between samples i and i + 1 of an interval.
-  void climb(int j, double a, double b, int i, const double* v) {
+  void climb_between(int j, double a, double b, int i, const double* v) {
     ExtremumPolynomial<double> polynomial;
     const int first = first_near(i);
     for (int k = first; k < first + near; ++k) polynomial.add(place[k], v[k]);
-    double s;
-    for (int k = 0; k < 6 && polynomial.extremum(place[i], place[i + 1], &s); ++k) {
-      const double expected = polynomial(s), margin = 0.1 * tolerance(j);
-      if (expected >= least_[j] - margin && expected <= largest_[j] + margin) return;
-      polynomial.add(s, along(j, a + (b - a) * s));
-    }
+    const auto extremes = [&](double* least, double* largest) {
+      *least = least_[j], *largest = largest_[j];
+      return tolerance(j);
+    };
+    climb(polynomial, place[i], place[i + 1], true, extremes, [&](double s, bool) { return along(j, a + (b - a) * s); });
   }
 };
 
