@@ -46,7 +46,7 @@ TEST_CASE("a step is held short beyond the limit of stability, or well before wh
   CHECK(held_short<Dop853>(h, square(1.01), square(1.01)));
   CHECK_FALSE(held_short<Dop853>(h, square(0.99), square(0.5)));
   CHECK(held_short<Dop853>(h, square(0.99), square(0.01)));
-  CHECK_FALSE(held_short<Dop853>(h, square(0.2), 0));  // h |lambda| = 1.22 needs no short step
+  CHECK_FALSE(held_short<Dop853>(h, square(0.2), 0.0));  // h |lambda| = 1.22 needs no short step
 }
 
 TEST_CASE("fifteen suspicious steps make a series, and six others end it") {

@@ -73,16 +73,13 @@ class ExplicitRungeKutta final : public LastStep {
       const bool sound = step(main_, h, x_);
       const double error = sound ? error_square(h) : NAN;
       if (error < 1 && finish(end)) {
-        double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * shrink(error));
-        if (again) factor = smaller(1, factor);
-        next_ = h * factor;
-        if (end == bound && !again) next_ = larger(next_, proposed);  // a stop does not limit the next step
+        next_ = size_after(h, size_factor<Method>(error), again, end == bound, proposed);
         if (stiffness.due()) test_stiffness(h);
         return Outcome::accepted;
       }
       main_.first = main_.k;
       bad = !(error < INFINITY) || error < 1;
-      h *= bad ? least_factor : larger(least_factor, safety * shrink(error));
+      h = size_instead(h, size_factor<Method>(error), bad);
     }
   }
 
@@ -220,14 +217,8 @@ class ExplicitRungeKutta final : public LastStep {
       constexpr int stage = last - 1;  // at the step's end as well
       double* argument = redo_.x;
       main_.template sum<stage>(old_, h, argument);
-      const double *f = main_.k, *g = main_.k + stage * lanes(), *end = slope();
-      SquareSums near, near_slopes, own, own_slopes;
-      for (int i = 0; i < moving(p_); ++i) {
-        near.add(i, x_[i] - argument[i], p_), near_slopes.add(i, end[i] - g[i], p_);
-        own.add(i, x_[i] - old_[i], p_), own_slopes.add(i, end[i] - f[i], p_);
-      }
-      const double fast = rate_square(p_, near, near_slopes);
-      stiffness.note(held_short<Method>(h, fast, rate_square(p_, own, own_slopes)), t_old);
+      const double *x = x_, *old = old_, *k = main_.k;
+      stiffness.note(step_held_short<Method>(p_, h, {old, k}, {argument, k + stage * lanes()}, {x, slope()}), t_old);
     }
   }
 
@@ -238,9 +229,6 @@ class ExplicitRungeKutta final : public LastStep {
     for (int b = 0; b < blocks(); ++b) sum += (Blocks ? fresh(f + 4 * b) : at(f + 4 * b)) * 0.0 + at(x + 4 * b) * 0.0;
     return total(sum) == 0;
   }
-
-  // error^(-1 / order of the estimate + 1), from the square of the error
-  static double shrink(double square) { return std::pow(square, -0.5 / (Method::estimator + 1)); }
 
   // Square of the error norm: entries outside it have an infinite tolerance.
   double error_square(double h) const {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "lane_block.hpp"
+#include "right_hand_side.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -32,7 +33,7 @@ class LaneEquations {
 
   // Normalises unit vectors, unless their length is 1 to the last digit.
   BELLCRANK_INLINE void normalise(Vec* x) const {
-    if (problem.unit_count) make_unit(x);
+    if (problem.unit_count) make_unit(problem, x);
   }
 
   // Normalises states at the ends of steps, and projects those in the lanes of `wanted`.
@@ -46,7 +47,7 @@ class LaneEquations {
     LanePiece* piece = block.pieces();
     for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
-      load(s, piece, lane, found(s, s.kinked ? 0.5 * (from + to) : from, 0));
+      load(s, piece, lane, piece_of(s, s.kinked ? 0.5 * (from + to) : from, 0));
       if (s.kinked) piece->low[lane] = -INFINITY, piece->high[lane] = INFINITY;
     }
   }
@@ -83,30 +84,12 @@ class LaneEquations {
     Vec before = splat(INFINITY);
     for (int i = 0; i < most_corrections && bits(wanted); ++i) {
       call(ensemble.lanes.project, ensemble.lanes.project_fallback, entries, block, time, x, correction_);
-      const Vec now = size(correction_);
+      const Vec now = correction_size<Vec>(problem, correction_);
       wanted &= now < 0.5 * before;
       for (int j = 0; j < entries; ++j) x[j] = wanted ? x[j] + correction_[j] : x[j];
       normalise(x);
       wanted &= now > Rhs::exact;
       before = now;
-    }
-  }
-
-  Vec size(const Vec* correction) const {
-    Vec sum = {};
-    for (int j = 0; j < problem.nq; ++j)
-      sum += absolute(problem.weights ? problem.weights[j] * correction[j] : correction[j]);
-    return sum;
-  }
-
-  __attribute__((noinline)) void make_unit(Vec* x) const {
-    for (int i = 0; i < problem.unit_count; ++i) {
-      Vec* part = x + problem.units[i].start;
-      Vec square = {};
-      for (int j = 0; j < problem.units[i].length; ++j) square += part[j] * part[j];
-      const Mask kept = (absolute(square - 1.0) <= 4.5e-16) | ~(square > 0.0);
-      const Vec scale = kept ? splat(1) : 1.0 / root(square);
-      for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
     }
   }
 
@@ -123,38 +106,12 @@ class LaneEquations {
     for (int g = 0; g < problem.signal_count; piece = after(piece, g++)) {
       const Signal& s = problem.signals[g];
       each(bits(~((piece->low <= t) & (t < piece->high))), [&](int l) {
-        load(s, piece, l, found(s, t[l], static_cast<int>(piece->number[l])));
+        load(s, piece, l, piece_of(s, t[l], static_cast<int>(piece->number[l])));
       });
       const Mask held = piece->held == piece->held;
       const Vec d = held ? piece->held : t - piece->origin;
-      const Vec* c = piece->coefficients();
-      for (int j = 0; j < s.width; ++j) {
-        Vec value = {}, slope = {}, curve = {};  // curve: half the second derivative
-        for (int i = s.powers - 1; i >= 0; --i) {
-          curve = curve * d + slope;
-          slope = slope * d + value;
-          value = value * d + c[i * s.width + j];
-        }
-        u[j] = value;
-        if (s.derivatives > 0) u[s.width + j] = held ? Vec{} : slope;
-        if (s.derivatives > 1) u[2 * s.width + j] = held ? Vec{} : 2.0 * curve;
-      }
-      u += s.width * (s.derivatives + 1);
+      u = values_of(s, piece->coefficients(), d, held, u);
     }
-  }
-
-  // The piece at a time, perhaps the one after `guess`: -1 before the breaks, `pieces` after them.
-  static int found(const Signal& s, double t, int guess) {
-    if (!(t >= s.breaks[0])) return -1;
-    if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
-    for (int i = guess < 1 ? 0 : guess - 1; i <= guess + 1 && i < s.pieces; ++i)
-      if (s.breaks[i] <= t && t < s.breaks[i + 1]) return i;
-    int low = 0, high = s.pieces;
-    while (high - low > 1) {
-      const int middle = (low + high) / 2;
-      (t < s.breaks[middle] ? high : low) = middle;
-    }
-    return low;
   }
 
   static void load(const Signal& s, LanePiece* to, int lane, int piece) {

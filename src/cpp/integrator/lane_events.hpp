@@ -3,8 +3,7 @@
 // samples are refined in all lanes at once; a step that needs more goes to the integrator of single runs.
 #pragma once
 
-#include "lane_dense_output.hpp"
-#include "lane_rows.hpp"
+#include "lane_runge_kutta.hpp"
 #include "lane_single_step.hpp"
 
 namespace bellcrank {

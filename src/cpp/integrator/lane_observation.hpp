@@ -3,7 +3,7 @@
 // at once; a step that needs more samples goes to the integrator of single runs.
 #pragma once
 
-#include "lane_dense_output.hpp"
+#include "lane_runge_kutta.hpp"
 #include "lane_single_step.hpp"
 
 namespace bellcrank {
@@ -122,18 +122,14 @@ class LaneObservation {
     }
   }
 
-  // Quantities at states of the dense output, projected as those of outputs (Rhs::keep_velocity).
+  // Quantities at states of the dense output, projected as those of outputs (keep_velocity).
   void between(LaneBlock& block, Vec s, Vec* values, Bits lanes) {
     const Vec time = block.t_old + s * (block.t - block.t_old);
     const Problem& p = ensemble_.common;
     dense_.interpolate(block, s, x_);
     for (int i = p.nq; i < p.nq + p.nv; ++i) plain_[i] = x_[i];
     equations_.normalise_and_project(block, time, x_, mask(lanes));
-    Mask near = Mask{} == 0;
-    for (int i = p.nq; i < p.nq + p.nv; ++i)
-      near &= absolute(x_[i] - plain_[i]) <= Rhs::most_projected * (block.atol + block.rtol * absolute(plain_[i]));
-    near |= block.step > 0.0;
-    for (int i = p.nq; i < p.nq + p.nv; ++i) x_[i] = near ? x_[i] : plain_[i];
+    keep_velocity<Vec, Mask>(p, block.atol, block.rtol, block.step > 0.0, plain_, x_);
     equations_.observe(block, time, x_, values);
   }
 

@@ -1,8 +1,8 @@
-// The explicit Runge-Kutta methods of runge_kutta_tableaus.hpp for one step in each lane of a block.
+// The explicit Runge-Kutta methods of runge_kutta_tableaus.hpp for one step in each lane of a block, and the motion within it.
 #pragma once
 
+#include "dense_output.hpp"
 #include "lane_equations.hpp"
-#include "runge_kutta_stages.hpp"
 #include "stiffness_detection.hpp"
 
 namespace bellcrank {
@@ -55,21 +55,8 @@ class LaneRungeKutta {
   Mask held_short(const LaneBlock& block, Vec h) {
     const Problem& p = equations_.problem;
     sum<last - 1, 0>(block, h, argument_);
-    const Vec *f = block.k, *g = block.k + (last - 1) * n_, *end = block.k + last * n_;
-    Vec near[2] = {}, near_slopes[2] = {}, own[2] = {}, own_slopes[2] = {};
-    for (int i = 0; i < moving(p); ++i) {
-      const int part = i >= p.nq && p.nq > 0;
-      const auto add = [part](Vec* sums, Vec value) { sums[part] += value * value; };
-      add(near, block.x[i] - argument_[i]), add(near_slopes, end[i] - g[i]);
-      add(own, block.x[i] - block.old[i]), add(own_slopes, end[i] - f[i]);
-    }
-    const auto rate_square = [&p](const Vec* states, const Vec* slopes) {
-      const Vec rate = p.nq == 0 ? slopes[0] / states[0] : root(slopes[1] / states[0]);
-      return states[0] > 0.0 ? rate : Vec{};
-    };
-    const Vec fast = rate_square(near, near_slopes), square = h * h * fast;
-    return (square > Method::stability * Method::stability) |
-           ((square > Method::accuracy * Method::accuracy) & (fast > 100.0 * rate_square(own, own_slopes)));
+    return step_held_short<Method, Vec>(p, h, {block.old, block.k}, {argument_, block.k + (last - 1) * n_},
+                                        {block.x, block.k + last * n_});
   }
 
   // Repeats accepted steps with other sizes, so that the states at t_old + h are ends of steps; they are projected in the
@@ -102,6 +89,59 @@ class LaneRungeKutta {
   BELLCRANK_INLINE void all(LaneBlock& block, Vec h, std::integer_sequence<int, S...>) {
     (stage<S + 1, N>(block, h), ...);
   }
+};
+
+// The motion within the steps of a block.
+template <class Method>
+class LaneDenseOutput {
+ public:
+  LaneDenseOutput(LaneEquations& equations, LaneRungeKutta<Method>& method)
+      : equations_(equations), method_(method), n_(equations.problem.n), polynomials_(n_), between_(n_), rate_(n_) {}
+
+  // The polynomials that need no evaluations, of the steps in a block.
+  void begin(const LaneBlock& block) { polynomials_.begin(step(block)); }
+
+  // x at t_old + s (t - t_old) by these: with DOP853 of degree 6, or 5 where not `finer`.
+  void approximate(const LaneBlock& block, Vec s, Vec* x, bool finer = true) const {
+    polynomials_.approximate(step(block), s, x, finer);
+    equations_.normalise(x);
+  }
+
+  // Computes the dense output, which may cost evaluations; false in lanes where that fails.
+  Mask prepare(LaneBlock& block, Mask wanted) {
+    const Vec h = block.t - block.t_old;
+    if constexpr (Method::fsal) return Mask{} == 0;
+    block.evaluations += wanted ? splat(Method::extra) : Vec{};
+    if constexpr (Method::extra == 3) {
+      method_.template stage<13>(block, h);
+      method_.template stage<14>(block, h);
+      method_.template stage<15>(block, h);
+      const int size = equations_.problem.norm_size;
+      const auto scale = [&](std::size_t i) { return 1.0 / (block.atol + block.rtol * absolute(block.x[i])); };
+      return polynomials_.complete(step(block), scale, size, size);
+    } else {
+      approximate(block, splat(Polynomials::corrected), between_);
+      equations_.rhs(block, block.t_old + Polynomials::corrected * h, between_, rate_);
+      return polynomials_.correct(step(block), rate_);
+    }
+  }
+
+  // x at t_old + s (t - t_old) by the dense output.
+  void interpolate(const LaneBlock& block, Vec s, Vec* x) const {
+    polynomials_.interpolate(step(block), s, x);
+    equations_.normalise(x);
+  }
+
+ private:
+  using Polynomials = StepPolynomials<Method, RunsInLanes, 0>;
+
+  LaneEquations& equations_;
+  LaneRungeKutta<Method>& method_;
+  const std::size_t n_;
+  Polynomials polynomials_;
+  Vectors between_, rate_;
+
+  typename Polynomials::Step step(const LaneBlock& b) const { return {b.old, b.x, b.k, n_, b.t - b.t_old}; }
 };
 
 }  // namespace BELLCRANK_ISA

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "lane_search.hpp"
+#include "step_size_control.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -29,7 +30,7 @@ class LaneStarts {
  public:
   LaneStarts(LaneEquations& equations, LaneSearch<Method>& search, Worker& worker)
       : ensemble_(equations.ensemble), problem_(equations.problem), equations_(equations), search_(search),
-        worker_(worker), block_(ensemble_, 1), moved_(problem_.n), slope_(problem_.n) {}
+        worker_(worker), block_(ensemble_, 1) {}
 
   // Puts the next run into a lane of a block; false where there is none left.
   bool next(LaneBlock& block, int lane) {
@@ -53,7 +54,6 @@ class LaneStarts {
   LaneSearch<Method>& search_;
   Worker& worker_;
   LaneBlock block_;
-  Vectors moved_, slope_;
   Bits ready_ = 0;
 
   // Runs first … first + count - 1; those that do not get as far as a step are done with.
@@ -97,33 +97,15 @@ class LaneStarts {
     equations_.pin(b, lane, 0, b.bound[lane]);
   }
 
-  // Root mean square of v / (atol + rtol |x|) over the entries that count.
-  Vec scaled_norm(const Vec* v) const {
-    Vec sum = {};
-    for (int i = 0; i < problem_.norm_size; ++i) {
-      const Vec r = v[i] / (block_.atol + block_.rtol * absolute(block_.old[i]));
-      sum += r * r;
-    }
-    return root(sum / static_cast<double>(problem_.norm_size));
-  }
-
   // The first step size (step_size_control.hpp, first_step).
   void choose_step(Mask wanted) {
     LaneBlock& b = block_;
     const Mask chosen = wanted & ~(b.step > 0.0) & ~(b.first_step > 0.0);
     b.next = b.step > 0.0 ? Vec{} : b.first_step;
     if (bits(chosen)) {
-      const Vec d0 = scaled_norm(b.old), d1 = scaled_norm(b.k);
-      Vec h0 = (d0 < 1e-5) | (d1 < 1e-5) ? splat(1e-6) : 0.01 * d0 / d1;
-      h0 = smaller(h0, b.bound);
-      for (int i = 0; i < problem_.n; ++i) moved_[i] = b.old[i] + h0 * b.k[i];
-      equations_.rhs(b, h0, moved_, slope_);
+      const auto slope = [&](Vec after, const Vec* x, Vec* result) { equations_.rhs(b, after, x, result); };
+      const Vec h = first_step<Vec>(problem_, b.atol, b.rtol, b.old, b.k, b.t1, b.bound, b.max_step, Method::estimator, slope);
       b.evaluations += chosen ? splat(1) : Vec{};
-      for (int i = 0; i < problem_.n; ++i) slope_[i] -= b.k[i];
-      const Vec d2 = scaled_norm(slope_) / h0, most = larger(d1, d2);
-      Vec h1 = power(smaller(larger(0.01 / most, splat(1e-290)), splat(1e290)), 1.0 / (Method::estimator + 1));
-      h1 = (d1 <= 1e-15) & (d2 <= 1e-15) ? larger(splat(1e-6), h0 * 1e-3) : h1;
-      const Vec h = d2 < INFINITY ? smaller(smaller(100.0 * h0, h1), b.t1) : h0;
       b.next = chosen ? h : b.next;
     }
     b.next = b.step > 0.0 ? Vec{} : larger(smaller(b.next, b.max_step), 10.0 * spacing(b.t_old));

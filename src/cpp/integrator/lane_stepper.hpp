@@ -1,10 +1,10 @@
 // Steps runs in lanes: every pass tries one step in each lane, at the lane's own time and step size. Steps that are
 // rejected are tried again in the next pass while other lanes go on; a lane whose run has ended takes the next run. The
-// rules are those of explicit_runge_kutta.hpp and integration_loop.hpp.
+// formulas of a step are those of explicit_runge_kutta.hpp; the loops are two, because a lone run has its state, not other runs, in
+// the lanes of a register: as the only run of a block it takes 1.1 (planar_2r_swing) to 8.6 times (four_bar) as long.
 #pragma once
 
 #include "lane_starts.hpp"
-#include "step_size_control.hpp"
 #include "stiffness_detection.hpp"
 
 namespace bellcrank {
@@ -146,15 +146,10 @@ class LaneStepper {
     b.accepted += good ? splat(1) : Vec{};
     b.rejected += rejected ? splat(1) : Vec{};
     if constexpr (Method::estimator > 0) {
-      const Vec within = smaller(larger(error, splat(1e-290)), splat(1e290));
-      const Vec factor = safety * power(within, -0.5 / (Method::estimator + 1));
-      const Mask again = b.tried != 0.0;
-      Vec longer = error == 0.0 ? splat(largest_factor) : smaller(splat(largest_factor), factor);
-      longer = again ? smaller(splat(1), longer) : longer;
-      Vec next = h * longer;
-      next = (until == b.bound) & ~again ? larger(next, proposed) : next;
+      const Vec factor = size_factor<Method>(error);
+      Vec next = size_after(h, factor, b.tried != 0.0, until == b.bound, proposed);
       next = larger(smaller(next, b.max_step), 10.0 * spacing(until));
-      const Vec less = h * (bad ? splat(least_factor) : larger(splat(least_factor), factor));
+      const Vec less = size_instead(h, factor, bad);
       const Mask free = ~(b.step > 0.0);
       b.next = free & good ? next : free & rejected ? less : b.next;
     }

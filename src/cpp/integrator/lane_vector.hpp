@@ -9,7 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "right_hand_side.hpp"
+#include "memory.hpp"
+#include "simd_lanes.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -27,6 +28,19 @@ typedef std::int64_t Mask __attribute__((vector_size(8 * width)));  // a compari
 using Bits = unsigned;                                             // one bit a lane
 
 constexpr Bits all_lanes = (1u << width) - 1;
+
+inline double larger(double a, double b) { return a > b ? a : b; }
+inline double smaller(double a, double b) { return a < b ? a : b; }
+// From |t| to the next double.
+inline double spacing(double t) {
+  const double from = std::fabs(t);
+  std::uint64_t bits;
+  std::memcpy(&bits, &from, sizeof bits);
+  ++bits;
+  double next;
+  std::memcpy(&next, &bits, sizeof next);
+  return next - from;
+}
 
 BELLCRANK_INLINE Vec splat(double v) { return v - Vec{}; }
 BELLCRANK_INLINE Vec larger(Vec a, Vec b) { return a > b ? a : b; }
@@ -62,6 +76,7 @@ BELLCRANK_INLINE void each(Bits lanes, Function f) {
   for (; lanes; lanes &= lanes - 1) f(__builtin_ctz(lanes));
 }
 
+BELLCRANK_INLINE double root(double v) { return std::sqrt(v); }
 BELLCRANK_INLINE Vec root(Vec v) {
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
   return (Vec)_mm512_sqrt_pd((__m512d)v);
@@ -81,6 +96,7 @@ inline Vec spacing(Vec t) {
   return (Vec)((Mask)from + 1) - from;
 }
 
+inline double power(double x, double y) { return std::pow(x, y); }
 // x^y to 1e-9, for step sizes: |y log2 x| < 1000, and x positive and normal.
 inline Vec power(Vec x, double y) {
   // x = 2^e m with m between sqrt(1/2) and sqrt(2); log2 m = 2 / ln 2 artanh((m - 1) / (m + 1))

@@ -48,7 +48,7 @@ struct ObservedHistory {
 
 // The samples of quantity j among rows of `count` quantities, and how far apart they lie.
 template <int Stride, class T>
-T samples_of(const T* rows, int count, int j, T* v) {
+BELLCRANK_INLINE T samples_of(const T* rows, int count, int j, T* v) {
   T least = T{} + INFINITY, largest = T{} - INFINITY;
   for (int i = 0; i <= parts / Stride; ++i) {
     v[i] = rows[i * Stride * count + j];
@@ -59,31 +59,31 @@ T samples_of(const T* rows, int count, int j, T* v) {
 
 // Takes a value in; extremes that are not numbers stay so.
 template <class T>
-void take_in(T v, T& least, T& largest) {
-  least = !(v >= least) & (least == least) ? v : least;
-  largest = !(v <= largest) & (largest == largest) ? v : largest;
+BELLCRANK_INLINE void take_in(T v, T& least, T& largest) {
+  least = (!(v >= least)) & (least == least) ? v : least;
+  largest = (!(v <= largest)) & (largest == largest) ? v : largest;
 }
 
 // Whether a quantity may leave its extremes between samples i and i + 1.
 template <class AnyShape, class T>
-auto may_exceed(const AnyShape& shape, int i, const T* v, T least, T largest, T allowed) {
+BELLCRANK_INLINE auto may_exceed(const AnyShape& shape, int i, const T* v, T least, T largest, T allowed) {
   const T margin = 0.1 * allowed;
-  return !shape.is_monotonic(i, v) & shape.may_leave(i, v, least - margin, largest + margin, 4);
+  return (!shape.is_monotonic(i, v)) & shape.may_leave(i, v, least - margin, largest + margin, 4);
 }
 
 // Whether a quantity surely has no extremum in a step beyond those so far, by every other sample.
 template <class T>
-auto stays_between(const T* v, T span, T least, T largest, T allowed, const ObservedHistory<T>& history) {
+BELLCRANK_INLINE auto stays_between(const T* v, T span, T least, T largest, T allowed, const ObservedHistory<T>& history) {
   const ShapeToEnds<T, 2> shape(v);
   const auto unknown = least != least;
   const auto certain = unknown | history.explains(span);
   auto may = !certain;
   if (any(may)) {
-    auto leaves = may_exceed(shape, 0, v, least, largest, allowed);
-    for (int i = 1; i < parts / 2; ++i) leaves = leaves | may_exceed(shape, i, v, least, largest, allowed);
+    decltype(may) leaves = {};
+    for (int i = 0; i < parts / 2; ++i) leaves = leaves | may_exceed(shape, i, v, least, largest, allowed);
     may = may & leaves;
   }
-  return unknown | (!may & (shape.miss < INFINITY));
+  return unknown | ((!may) & (shape.miss < INFINITY));
 }
 
 // The extremum between samples at `left` and `right`, by successive polynomials: `along`(s, active) samples anew, and takes

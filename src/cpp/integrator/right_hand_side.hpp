@@ -2,83 +2,84 @@
 #pragma once
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <new>
 
-#include "simd_lanes.hpp"
+#include "lane_vector.hpp"
 #include "problem.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
 
-[[noreturn]] inline void out_of_memory() {
-#ifdef __cpp_exceptions
-  throw std::bad_alloc();
-#else
-  __builtin_trap();  // in a page
-#endif
+// Normalises unit vectors, unless their length is 1 to the last digit. `T`: double, or a vector with a run in each lane, and then
+// `M` is a mask.
+template <class T>
+__attribute__((noinline)) void make_unit(const Problem& p, T* x) {
+  for (int i = 0; i < p.unit_count; ++i) {
+    T* part = x + p.units[i].start;
+    T square = {};
+    for (int j = 0; j < p.units[i].length; ++j) square += part[j] * part[j];
+    const auto changes = (absolute(square - 1.0) > 4.5e-16) & (square > 0.0);
+    if (!any(changes)) continue;
+    const T scale = changes ? 1.0 / root(square) : T{} + 1.0;
+    for (int j = 0; j < p.units[i].length; ++j) part[j] *= scale;
+  }
 }
 
-// Zeroed memory, aligned and padded for SIMD. Small arrays lie within the object itself, because a short run takes only as
-// long as a few calls of the allocator.
+// The size of a correction: how far it moves the position, in rad and characteristic lengths. A correction of size d
+// leaves an error of size d^2: below `exact` that is rounding, below `safe` Newton's method certainly converges.
 template <class T>
-class Array {
- public:
-  explicit Array(std::size_t size) {
-    const std::size_t bytes = (size * sizeof(T) / 64 + 1) * 64;
-    data_ = reinterpret_cast<T*>(bytes <= sizeof own_ ? own_ : std::aligned_alloc(64, bytes));
-    if (!data_) out_of_memory();
-    std::memset(static_cast<void*>(data_), 0, bytes);
+BELLCRANK_INLINE T correction_size(const Problem& p, const T* correction) {
+  T sum = {};
+  for (int k = 0; k < p.nq; ++k) sum += absolute(p.weights ? p.weights[k] * correction[k] : correction[k]);
+  return sum;
+}
+
+// Takes back what a projection did to the velocity of a state between the ends of steps, where that is more than the
+// dense output's error explains: where constraints nearly lose rank, a small residual makes a large change of it. Fixed
+// steps have no tolerance.
+constexpr double most_projected = 1e4;  // tolerances
+template <class T, class M>
+void keep_velocity(const Problem& p, T atol, T rtol, M fixed, const T* from, T* x) {
+  M far = {};
+  for (int k = p.nq; k < p.nq + p.nv; ++k)
+    far |= !(absolute(x[k] - from[k]) <= most_projected * (atol + rtol * absolute(from[k])));
+  far &= !fixed;
+  for (int k = p.nq; any(far) && k < p.nq + p.nv; ++k) x[k] = far ? from[k] : x[k];
+}
+
+// The piece of a signal at a time, perhaps `guess` or the next: -1 before the breaks, `pieces` after them.
+inline int piece_of(const Signal& s, double t, int guess) {
+  if (!(t >= s.breaks[0])) return -1;
+  if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
+  if (guess >= 0 && guess < s.pieces && s.breaks[guess] <= t) {
+    if (t < s.breaks[guess + 1]) return guess;
+    if (guess + 2 <= s.pieces && t < s.breaks[guess + 2]) return guess + 1;
   }
-  ~Array() {
-    if (static_cast<void*>(data_) != own_) std::free(data_);
+  int low = 0, high = s.pieces;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    (t < s.breaks[middle] ? high : low) = middle;
   }
-  Array(const Array&) = delete;
-  Array& operator=(const Array&) = delete;
-  operator T*() { return data_; }
-  operator const T*() const { return data_; }
+  return low;
+}
 
- private:
-  alignas(64) unsigned char own_[256];
-  T* data_;
-};
-using Buffer = Array<double>;
-
-// Memory that grows, for plain data.
-template <class T>
-class Growing {
- public:
-  Growing() = default;
-  ~Growing() { std::free(data_); }
-  Growing(const Growing&) = delete;
-  Growing& operator=(const Growing&) = delete;
-  void reserve(std::size_t size) {
-    if (size <= room_) return;
-    const std::size_t room = size > 2 * room_ ? size + 16 : 2 * room_;
-    void* data = std::realloc(data_, room * sizeof(T));
-    if (!data) out_of_memory();
-    data_ = static_cast<T*>(data), room_ = room;
+// Values of a signal and its derivatives at a time d after the beginning of a piece with coefficients c; `held`: it is constant.
+// Returns where the next signal's belong.
+template <class T, class M>
+T* values_of(const Signal& s, const T* c, T d, M held, T* u) {
+  const int w = s.width;
+  for (int j = 0; j < w; ++j) {
+    T value = {}, slope = {}, curve = {};  // curve: half the second derivative
+    for (int i = s.powers - 1; i >= 0; --i) {
+      curve = curve * d + slope;
+      slope = slope * d + value;
+      value = value * d + c[i * w + j];
+    }
+    u[j] = value;
+    if (s.derivatives > 0) u[w + j] = held ? T{} : slope;
+    if (s.derivatives > 1) u[2 * w + j] = held ? T{} : 2.0 * curve;
   }
-  operator T*() { return data_; }
-  operator const T*() const { return data_; }
-
- private:
-  T* data_ = nullptr;
-  std::size_t room_ = 0;
-};
-
-inline double larger(double a, double b) { return a > b ? a : b; }
-inline double smaller(double a, double b) { return a < b ? a : b; }
-// From |t| to the next double.
-inline double spacing(double t) {
-  const double from = std::fabs(t);
-  std::uint64_t bits;
-  std::memcpy(&bits, &from, sizeof bits);
-  ++bits;
-  double next;
-  std::memcpy(&next, &bits, sizeof next);
-  return next - from;
+  return u + static_cast<std::ptrdiff_t>(w) * (s.derivatives + 1);
 }
 
 class Rhs {
@@ -101,7 +102,7 @@ class Rhs {
   // Fixes the interval of kinked signals for the steps between two stops.
   void pin(double from, double to) {
     for (int g = 0; g < problem.signal_count; ++g)
-      if (problem.signals[g].kinked) piece_[g] = piece(problem.signals[g], 0.5 * (from + to), 0);
+      if (problem.signals[g].kinked) piece_[g] = piece_of(problem.signals[g], 0.5 * (from + to), 0);
   }
 
   // u at time t, for kernels called elsewhere. Not inlined: most runs have no signals.
@@ -109,7 +110,7 @@ class Rhs {
     double* u = u_;
     for (int g = 0; g < problem.signal_count; ++g) {
       const Signal& s = problem.signals[g];
-      if (!s.kinked) piece_[g] = piece(s, t, piece_[g]);
+      if (!s.kinked) piece_[g] = piece_of(s, t, piece_[g]);
       u = polynomial(s, piece_[g], t, u);
     }
   }
@@ -124,7 +125,7 @@ class Rhs {
 
   // Normalises unit vectors, unless their length is 1 to the last digit.
   BELLCRANK_INLINE void normalise(double* x) const {
-    if (problem.unit_count) make_unit(x);
+    if (problem.unit_count) make_unit(problem, x);
   }
 
   // Normalises and projects a state at the end of a step.
@@ -133,24 +134,10 @@ class Rhs {
     if (problem.project) project(t, x);
   }
 
-  // The size of a correction: how far it moves the position, in rad and characteristic lengths. A correction of size d
-  // leaves an error of size d^2: below `exact` that is rounding, below `safe` Newton's method certainly converges.
-  static constexpr double exact = 1e-7, safe = 1e-3;
-  BELLCRANK_INLINE double size(const double* correction) const {
-    double sum = 0;
-    const double* weights = problem.weights;
-    for (int k = 0; k < problem.nq; ++k) sum += std::fabs(weights ? weights[k] * correction[k] : correction[k]);
-    return sum;
-  }
-  // Takes back what a projection did to the velocity of a state between the ends of steps, where that is more than the
-  // dense output's error explains: where constraints nearly lose rank, a small residual makes a large change of it. Fixed
-  // steps have no tolerance.
-  static constexpr double most_projected = 1e4;  // tolerances
+  static constexpr double exact = 1e-7, safe = 1e-3;  // correction_size
+  BELLCRANK_INLINE double size(const double* correction) const { return correction_size(problem, correction); }
   void keep_velocity(const double* from, double* x) const {
-    bool near = true;
-    for (int k = problem.nq; k < problem.nq + problem.nv && !(problem.step > 0); ++k)
-      near &= std::fabs(x[k] - from[k]) <= most_projected * (problem.atol + problem.rtol * std::fabs(from[k]));
-    if (!near) std::memcpy(x + problem.nq, from + problem.nq, problem.nv * sizeof(double));
+    bellcrank::BELLCRANK_ISA::keep_velocity(problem, problem.atol, problem.rtol, problem.step > 0, from, x);
   }
   BELLCRANK_INLINE void correct(double* x, const double* correction) const {
     for (int k = 0; k < problem.nq + problem.nv; ++k) x[k] += correction[k];
@@ -206,32 +193,6 @@ class Rhs {
     }
   }
 
-  __attribute__((noinline)) void make_unit(double* x) const {
-    for (int i = 0; i < problem.unit_count; ++i) {
-      double* part = x + problem.units[i].start;
-      double square = 0;
-      for (int j = 0; j < problem.units[i].length; ++j) square += part[j] * part[j];
-      if (std::fabs(square - 1) <= 4.5e-16 || !(square > 0)) continue;
-      const double scale = 1 / std::sqrt(square);
-      for (int j = 0; j < problem.units[i].length; ++j) part[j] *= scale;
-    }
-  }
-
-  static int piece(const Signal& s, double t, int guess) {
-    if (t < s.breaks[0]) return -1;
-    if (t >= s.breaks[s.pieces]) return t > s.breaks[s.pieces] ? s.pieces : s.pieces - 1;
-    if (guess >= 0 && guess < s.pieces && s.breaks[guess] <= t) {
-      if (t < s.breaks[guess + 1]) return guess;
-      if (guess + 2 <= s.pieces && t < s.breaks[guess + 2]) return guess + 1;
-    }
-    int low = 0, high = s.pieces;
-    while (high - low > 1) {
-      const int middle = (low + high) / 2;
-      (t < s.breaks[middle] ? high : low) = middle;
-    }
-    return low;
-  }
-
   static double* polynomial(const Signal& s, int piece, double t, double* u) {
     const bool held = piece < 0 || piece >= s.pieces;
     if (held) {
@@ -240,19 +201,7 @@ class Rhs {
     }
     const double d = t - s.breaks[piece];
     const double* c = s.coefficients + static_cast<std::size_t>(piece) * s.powers * s.width;
-    const int w = s.width;
-    for (int j = 0; j < w; ++j) {
-      double value = 0, slope = 0, curve = 0;  // curve: half the second derivative
-      for (int i = s.powers - 1; i >= 0; --i) {
-        curve = curve * d + slope;
-        slope = slope * d + value;
-        value = value * d + c[i * w + j];
-      }
-      u[j] = value;
-      if (s.derivatives > 0) u[w + j] = held ? 0 : slope;
-      if (s.derivatives > 1) u[2 * w + j] = held ? 0 : 2 * curve;
-    }
-    return u + static_cast<std::ptrdiff_t>(w) * (s.derivatives + 1);
+    return values_of(s, c, d, held, u);
   }
 };
 

@@ -2,7 +2,7 @@
 // (simd_lanes.hpp); slopes are in rows, one a stage, of n vectors.
 #pragma once
 
-#include "lane_vector.hpp"
+#include "right_hand_side.hpp"
 #include "runge_kutta_tableaus.hpp"
 
 namespace bellcrank {

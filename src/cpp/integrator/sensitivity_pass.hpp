@@ -6,6 +6,7 @@
 
 #include "dense_output.hpp"
 #include "sensitivities.hpp"
+#include "step_size_control.hpp"
 
 namespace bellcrank {
 namespace BELLCRANK_ISA {
@@ -48,7 +49,6 @@ class SensitivityPass {
   using Method = Dop853;
   using Polynomials = StepPolynomials<Method, OneRun, 0>;
   static constexpr int last_ = Method::stages;  // row of the slope at a step's end
-  static constexpr double safety = 0.9, least_factor = 0.2, largest_factor = 10;
   static constexpr double most_projected = 1e4, least_projected = 1e-7;  // tolerances; more than rounding
 
   const SensitivityProblem& d_;
@@ -196,16 +196,13 @@ class SensitivityPass {
         rhs_.normalise_and_project(t_, y_);
         project(t_, y_, y_ + first_);
         if (slope(t_, k_ + last_ * size_)) {
-          double factor = error == 0 ? largest_factor : smaller(largest_factor, safety * std::pow(error, -0.0625));
-          if (again) factor = smaller(1, factor);
-          const double wanted = h * factor;
-          next_ = h == left && !again ? larger(next_, wanted) : wanted;  // a bound does not limit the next step
+          next_ = size_after(h, size_factor<Method>(error), again, h == left, next_);
           note_largest();
           return Status::finished;
         }
         t_ = t_old_;
       }
-      next_ = h * (error < INFINITY ? larger(least_factor, safety * std::pow(error, -0.0625)) : least_factor);
+      next_ = size_instead(h, size_factor<Method>(error), !(error < INFINITY));
       if (!(next_ > 10 * spacing(t_old_))) return error < INFINITY ? Status::step_too_small : Status::non_finite;
     }
   }

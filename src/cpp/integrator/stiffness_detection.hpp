@@ -18,10 +18,12 @@ namespace BELLCRANK_ISA {
 // Whether the equations are taken as of first order: there are no positions, or states beside positions and velocities.
 inline bool first_order(const Problem& p) { return p.nq == 0 || p.mixed; }
 
-// Sums of squares of the entries of positions and velocities; of all entries in both of equations of first order.
+// Sums of squares of the entries of positions and velocities; of all entries in both of equations of first order. `T`: double,
+// or a vector with a run in each lane.
+template <class T = double>
 struct SquareSums {
-  double positions = 0, velocities = 0;
-  void add(int i, double value, const Problem& p) {
+  T positions = {}, velocities = {};
+  void add(int i, T value, const Problem& p) {
     (i < p.nq || first_order(p) ? positions : velocities) += value * value;
   }
 };
@@ -34,18 +36,34 @@ inline int moving(const Problem& p) {
 }
 
 // |lambda|^2 from the differences of two states and of their slopes; 0 where the states are equal.
-inline double rate_square(const Problem& p, const SquareSums& states, const SquareSums& slopes) {
-  if (!(states.positions > 0)) return 0;
-  return first_order(p) ? slopes.positions / states.positions : std::sqrt(slopes.velocities / states.positions);
+template <class T>
+T rate_square(const Problem& p, const SquareSums<T>& states, const SquareSums<T>& slopes) {
+  const T rate = first_order(p) ? slopes.positions / states.positions : root(slopes.velocities / states.positions);
+  return states.positions > 0.0 ? rate : T{};
 }
 
 // Whether a step of size h is held short by a part that is not seen in the solution. `fast` and `own` are lambda^2 of
 // the fastest part and of the solution.
-template <class Method>
-inline bool held_short(double h, double fast, double own) {
-  const double square = h * h * fast;
-  return square > Method::stability * Method::stability ||
-         (square > Method::accuracy * Method::accuracy && fast > 100 * own);
+template <class Method, class T>
+auto held_short(T h, T fast, T own) {
+  const T square = h * h * fast;
+  return (square > Method::stability * Method::stability) |
+         ((square > Method::accuracy * Method::accuracy) & (fast > 100.0 * own));
+}
+
+// The same by the ends of the step, and the argument and slope of its last stage.
+template <class T>
+struct StepSample {
+  const T *state, *slope;
+};
+template <class Method, class T>
+auto step_held_short(const Problem& p, T h, StepSample<T> start, StepSample<T> stage, StepSample<T> end) {
+  SquareSums<T> near, near_slopes, own, own_slopes;
+  for (int i = 0; i < moving(p); ++i) {
+    near.add(i, end.state[i] - stage.state[i], p), near_slopes.add(i, end.slope[i] - stage.slope[i], p);
+    own.add(i, end.state[i] - start.state[i], p), own_slopes.add(i, end.slope[i] - start.slope[i], p);
+  }
+  return held_short<Method>(h, rate_square(p, near, near_slopes), rate_square(p, own, own_slopes));
 }
 
 // Of method "auto" (stiffness_switching.hpp): a shorter series, because its mistakes cost little, and evaluations to the end

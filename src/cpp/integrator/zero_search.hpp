@@ -59,9 +59,9 @@ M corrected_root(const Along& along, const Repeat& repeat, T start, T t, T s, T 
     M out = active & !repeat(now, active, &at_now);
     if (k > 0) slope = at_now != at_before ? (at_now - at_before) / (now - before) : slope;
     const T next = now - at_now / slope;
-    const M done = !out & ((at_now == 0.0) | (absolute(next - now) <= 0.5 * ulp));
+    const M done = (!out) & ((at_now == 0.0) | (absolute(next - now) <= 0.5 * ulp));
     active &= !done;
-    out |= active & (!(absolute(next - first) < most) | (next <= 0.0) | (next >= h));
+    out |= active & ((!(absolute(next - first) < most)) | (next <= 0.0) | (next >= h));
     failed |= out & apart();
     active &= !out;
     before = active ? now : before, at_before = active ? at_now : at_before;
