@@ -3,6 +3,7 @@
 
 #include "runge_kutta_stages.hpp"
 #include "support.hpp"
+#include "zero_search.hpp"
 
 using namespace bellcrank;
 using namespace bellcrank::BELLCRANK_ISA;
@@ -123,4 +124,31 @@ TEST_CASE("weighted sums of stages are those of the table") {
   }
   CHECK(Row::first(0));
   CHECK_FALSE(Row::first(1));
+}
+
+// cos(w s + p) has one zero between 0 and 1.
+TEST_CASE("roots in lanes are those of single functions, and lanes that are not active do not matter") {
+  Random random(6);
+  for (int turn = 0; turn < 50; ++turn) {
+    Vec w = filled(random, 1.2, 2.5);
+    const Vec p = filled(random, 0.4, 1.5), none = {}, one = splat(1), rounding = splat(1e-16);
+    const int idle = random.integer(0, width - 1);
+    const auto value = [](double rate, double phase, double s) { return std::cos(rate * s + phase); };
+    const auto along = [&](Vec s) {
+      Vec v;
+      for (int l = 0; l < width; ++l) v[l] = l == idle ? NAN : value(w[l], p[l], s[l]);
+      return v;
+    };
+    Vec hit;
+    const Vec found = bracketed_root(along, none, along(none), one, along(one), rounding, mask(all_lanes & ~(1u << idle)), &hit);
+    for (int l = 0; l < width; ++l) {
+      if (l == idle) continue;
+      const double rate = w[l], phase = p[l];
+      const auto single = [&](double s) { return value(rate, phase, s); };
+      double at_hit;
+      const double root = bracketed_root(single, 0.0, single(0), 1.0, single(1), 1e-16, true, &at_hit);
+      CHECK(std::fabs(root - (M_PI / 2 - phase) / rate) < 4e-16);
+      CHECK(std::fabs(found[l] - root) < 4e-16);
+    }
+  }
 }

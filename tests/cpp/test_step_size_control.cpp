@@ -97,7 +97,7 @@ TEST_CASE("the scaled norm is the root mean square over the tolerances of the en
   Problem p = plain_problem(nullptr, x, 0, 1);
   p.norm_size = 3, p.atol = 0.1, p.rtol = 0.01;
   const double expected = std::sqrt((std::pow(0.3 / 0.11, 2) + std::pow(0.1 / 0.12, 2) + std::pow(0.2 / 0.1, 2)) / 3);
-  CHECK(scaled_norm(p, v.data(), x.data()) == doctest::Approx(expected).epsilon(1e-14));
+  CHECK(scaled_norm<double>(p, p.atol, p.rtol, v.data(), x.data()) == doctest::Approx(expected).epsilon(1e-14));
 }
 
 // For x' = lambda x, with w = 1 / (atol + rtol): |x| = w, |x'| = |lambda| w, |x''| = lambda^2 w.
