@@ -11,7 +11,7 @@ import pytest
 from bellcrank.errors import InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.robot.catalog import SHORT_NAMES, find_urdf, names
-from bellcrank.robot.formats.urdf_file import read_urdf
+from bellcrank.robot.formats.file_readers import read_robot_file
 
 
 def test_a_path_a_bundled_name_and_an_example_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +31,7 @@ def test_every_short_name_is_there_and_holds_a_robot() -> None:
     assert list(known)[:2] == ["geared_pendulum", "planar_2r"] or "planar_2r" in list(known)[:12]
     assert set(SHORT_NAMES) <= set(known)
     for name in SHORT_NAMES:
-        assert len(read_urdf(known[name]).joints) >= 1, name
+        assert len(read_robot_file(known[name]).tree.joints) >= 1, name
     for name in ("a1", "baxter", "icub", "kinova", "pr2", "romeo", "so100", "tiago", "xarm7", "z1"):
         assert known[name].is_file()
     assert len(set(known.values())) >= 60
@@ -75,8 +75,8 @@ def test_an_unknown_data_folder_is_refused() -> None:
 def test_finding_and_reading_a_robot_imports_nothing_heavy() -> None:
     program = (
         "import sys; from bellcrank.robot.catalog import find_urdf;"
-        "from bellcrank.robot.formats.urdf_file import read_urdf;"
-        "read_urdf(find_urdf('ur5')).pinocchio_xml();"
+        "from bellcrank.robot.formats.file_readers import read_robot_file;"
+        "read_robot_file(find_urdf('ur5')).tree;"
         "print([m for m in ('pinocchio', 'casadi', 'yourdfpy', 'scipy', 'matplotlib', 'trimesh') if m in "
         "sys.modules])"
     )

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from urdf_records import urdf_of_file, urdf_of_text
 
 from bellcrank.commands.check import add_arguments, run
 from bellcrank.errors import InputError
@@ -19,7 +20,7 @@ from bellcrank.robot.checks.check import Finding, check_urdf, format_findings
 from bellcrank.robot.checks.element_checks import principal_moments
 from bellcrank.robot.dynamics.articulated_inertia import _pivots as eliminated
 from bellcrank.robot.dynamics.articulated_inertia import articulated_inertias
-from bellcrank.robot.formats.urdf_file import Urdf, read_urdf
+from bellcrank.robot.model.pinocchio_model import plain_model
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="2"/>'
 
@@ -281,7 +282,7 @@ def test_meshes_are_looked_for_beside_and_above(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["planar_2r", "ur5", "panda", "talos", "double_pendulum_continuous"])
 def test_the_pivots_are_the_articulated_inertias(name: str) -> None:
     """1/D is how a joint answers its own unit torque with all beyond it limp: against Pinocchio's own M⁻¹."""
-    model = pin.buildModelFromXML(read_urdf(find_urdf(name)).pinocchio_xml())
+    model = plain_model(urdf_of_file(find_urdf(name)))
     data = model.createData()
     random = np.random.default_rng(1)
     for _ in range(5):
@@ -303,7 +304,7 @@ def test_a_follower_lends_its_inertia_to_its_leader() -> None:
     text = arm(body(), "").replace('parent link="l0"', 'parent link="base"')
     text = text.replace('<link name="l1">', f'<link name="l1">{body(izz=1.5)}')
     text = text.replace(f"{LIMIT}</joint></robot>", '<mimic joint="j0" multiplier="-3"/></joint></robot>')
-    inertias = articulated_inertias(Urdf.from_text(text, "wheels.urdf"))
+    inertias = articulated_inertias(urdf_of_text(text))
     assert list(inertias) == ["j0"]
     assert inertias["j0"][0] == pytest.approx(1.0 + 9.0 * 1.5, rel=1e-12)
 

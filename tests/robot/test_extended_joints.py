@@ -4,12 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from extended_robots import BOLT, MIXED, TOP, joint, link
+from urdf_records import urdf_of_text
 
 import bellcrank as bc
 from bellcrank.errors import InputError
 from bellcrank.robot.dynamics.equations import inertia_diagonal
-from bellcrank.robot.formats.extended_joints import with_extended_joints
-from bellcrank.robot.formats.urdf_file import Urdf
+from bellcrank.robot.model.pinocchio_model import plain_model
 
 
 @pytest.fixture
@@ -51,13 +51,8 @@ def test_universal_joint_is_that_of_pinocchio(loaded):
         assert robot.forward_dynamics(q, v, a) == pytest.approx(pin.aba(model, data, q, v, a), rel=1e-12, abs=1e-12)
 
 
-def test_a_joint_model_is_replaced_and_the_rest_stays():
-    urdf = Urdf.from_text(MIXED, "mixed.urdf")
-    plain = pin.buildModelFromXML(urdf.pinocchio_xml())
-    model = with_extended_joints(plain, urdf)
-    assert list(model.names) == list(plain.names)
-    assert [frame.name for frame in model.frames] == [frame.name for frame in plain.frames]
-    assert [(f.parentJoint, f.placement) for f in model.frames] == [(f.parentJoint, f.placement) for f in plain.frames]
+def test_limits_and_pitch_of_a_screw_are_in_the_model():
+    model = plain_model(urdf_of_text(MIXED))
     assert list(model.lowerPositionLimit[-1:]) == [-1.0]
     assert list(model.upperEffortLimit[-1:]) == [3.0]
     assert model.joints[4].extract().pitch == pytest.approx(0.1 / (2.0 * np.pi), rel=1e-15)
@@ -125,7 +120,7 @@ def test_check_finds_nothing_wrong_with_the_joints(tmp_path):
 def test_wrong_joints_are_refused_in_one_sentence(change, message):
     assert MIXED.count(change[0]) == 1
     with pytest.raises(InputError, match=message):
-        Urdf.from_text(MIXED.replace(*change), "mixed.urdf")
+        urdf_of_text(MIXED.replace(*change))
 
 
 def test_a_mimic_beside_a_ball(loaded):
@@ -133,15 +128,18 @@ def test_a_mimic_beside_a_ball(loaded):
         "last", "continuous", "nut", "tip", '<axis xyz="0 1 0"/><mimic joint="screw" multiplier="-2" offset="0.1"/>'
     )
     robot = loaded(MIXED.replace("</robot>", follower + "</robot>"))
-    assert robot.nv == 6
-    assert robot.model.nv == 7  # every joint is one of its own
-    data = robot.model.createData()
+    assert robot.model.nv == robot.nv == 6
+    every = plain_model(robot.urdf)  # in which every joint is one of its own
+    every.gravity.linear = robot.gravity
+    data = every.createData()
     q, v, a = states(loaded(MIXED).model, 1)
     full = [np.append(q[0], -2.0 * q[0, -1] + 0.1), np.append(v[0], -2.0 * v[0, -1]), np.append(a[0], -2.0 * a[0, -1])]
-    torque = pin.rnea(robot.model, data, *full)
+    torque = pin.rnea(every, data, *full)
     gathered = torque[:6].copy()
     gathered[5] -= 2.0 * torque[6]
     assert robot.inverse_dynamics(q[0], v[0], a[0]) == pytest.approx(gathered, rel=1e-12)
+    own = pin.rnea(robot.model, robot.model.createData(), q[0], v[0], a[0])
+    assert robot.inverse_dynamics(q[0], v[0], a[0]) == pytest.approx(own, rel=1e-12)
 
 
 def test_a_left_handed_screw_moves_down(loaded):

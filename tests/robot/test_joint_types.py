@@ -3,8 +3,9 @@
 import pytest
 
 from bellcrank.errors import InputError
-from bellcrank.robot.formats.joint_types import with_joint_types
+from bellcrank.robot.formats.gepetto_file import with_joint_types
 from bellcrank.robot.formats.urdf_file import Urdf
+from bellcrank.robot.formats.xml_tree import parse_xml, xml_text
 
 TEXT = """<?xml version="1.0"?>
 <robot name="r">
@@ -21,16 +22,17 @@ TEXT = """<?xml version="1.0"?>
   <joint name="toe" type="revolute"><parent link="c"/><child link="d &amp; e"/><mimic joint="knee"/></joint>
 </robot>
 """
+ROBOT = parse_xml(TEXT, "robot.urdf")
 
 
 def joints(types):
-    text, notes = with_joint_types(TEXT, types, "robot.yaml")
-    return Urdf.from_text(text, "robot.urdf").joints, notes
+    robot, notes = with_joint_types(ROBOT, types, "robot.yaml")
+    return Urdf.of(robot, "robot.urdf").joints, notes
 
 
 def test_types_are_changed_and_everything_else_stays():
     found, notes = joints({"hip": "SPHERICAL", "toe": "fixed"})
-    before = Urdf.from_text(TEXT, "robot.urdf").joints
+    before = Urdf.of(ROBOT, "robot.urdf").joints
     assert notes == ()
     assert [joint.type for joint in found.values()] == ["spherical", "revolute", "fixed"]
     assert found["knee"] == before["knee"]
@@ -57,19 +59,20 @@ def test_universal_joints_turn_about_their_axes_in_this_order(kind, axes):
 
 def test_changing_twice_changes_nothing_more():
     types = {"hip": "UJOINT_YZ", "knee": "SPHERICAL"}
-    text = with_joint_types(TEXT, types, "robot.yaml")[0]
-    assert with_joint_types(text, types, "robot.yaml")[0] == text
+    robot = with_joint_types(ROBOT, types, "robot.yaml")[0]
+    assert with_joint_types(robot, types, "robot.yaml")[0] == robot
 
 
 def test_elements_keep_their_lines():
-    text = with_joint_types(TEXT.replace('xyz="1 2 3"', 'xyz="1 2"'), {"hip": "SPHERICAL"}, "robot.yaml")[0]
+    wrong = parse_xml(TEXT.replace('xyz="1 2 3"', 'xyz="1 2"'), "robot.urdf")
+    text = xml_text(with_joint_types(wrong, {"hip": "SPHERICAL"}, "robot.yaml")[0])
     with pytest.raises(InputError, match=r"joint 'knee', <origin> \(line 11\): xyz='1 2' has 2 numbers"):
-        Urdf.from_text(text, "robot.urdf")
+        Urdf.of(parse_xml(text, "robot.urdf"), "robot.urdf")
 
 
 def test_names_of_no_joint_are_told():
     found, notes = joints({"hpi": "SPHERICAL"})
-    assert found == Urdf.from_text(TEXT, "robot.urdf").joints
+    assert found == Urdf.of(ROBOT, "robot.urdf").joints
     assert notes == (
         "robot.yaml: joint_name: no joint is named 'hpi' (the nearest name is 'hip'); its new type is not used.",
     )

@@ -169,7 +169,7 @@ def test_cleaning_makes_quarter_turns_exact_and_changes_nothing_else():
 @settings(max_examples=200)
 @given(st.floats(-7, 7), st.floats(-7, 7), st.floats(-7, 7), st.floats(-3e-11, 3e-11))
 def test_cleaning_keeps_every_rotation_a_rotation(roll, pitch, yaw, residue):
-    from bellcrank.robot.model.rounding_cleanup import Cleaning
+    from bellcrank.robot.model.pinocchio_model import Cleaning
 
     rotation = pin.rpy.rpyToMatrix(roll + residue, np.round(pitch) * np.pi / 2 + residue, yaw)
     clean = Cleaning().rotation(rotation)

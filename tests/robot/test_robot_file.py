@@ -4,6 +4,7 @@ import pytest
 
 import bellcrank as bc
 from bellcrank.robot.formats.file_readers import READERS, read_robot_file, root_tag
+from bellcrank.robot.formats.xml_tree import parse_xml
 
 
 @pytest.mark.parametrize(
@@ -23,7 +24,7 @@ def test_a_urdf_is_read_as_it_is() -> None:
     robot = bc.load_robot("planar_2r")
     file = read_robot_file(robot.source)
     assert file == robot.file
-    assert file.urdf == robot.source.read_text(encoding="utf-8")
+    assert file.urdf == parse_xml(robot.source.read_text(encoding="utf-8"), robot.source)
     assert not file.loops
     assert not file.notes
 

@@ -12,12 +12,15 @@ import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from urdf_records import urdf_of_file, urdf_of_text
 
 from bellcrank.errors import BellcrankError, InputError
 from bellcrank.files.bundled_data import folder
 from bellcrank.robot.catalog import names
 from bellcrank.robot.checks.check import differences_from_yourdfpy
-from bellcrank.robot.formats.urdf_file import UNLIMITED, Urdf, read_urdf, reading_of
+from bellcrank.robot.formats.urdf_file import reading_of
+from bellcrank.robot.formats.xml_tree import parse_xml, read_text
+from bellcrank.robot.model.pinocchio_model import plain_model
 
 PLANAR = (folder("urdf") / "planar_2r.urdf").read_text(encoding="utf-8")
 
@@ -170,7 +173,7 @@ def test_a_broken_file_is_one_sentence_that_names_the_file_and_the_place(name: s
     path = tmp_path / "broken.urdf"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read_urdf(path)
+        urdf_of_text(read_text(path), path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert expected in message
@@ -179,17 +182,17 @@ def test_a_broken_file_is_one_sentence_that_names_the_file_and_the_place(name: s
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
-        read_urdf(tmp_path / "missing.urdf")
+        urdf_of_file(tmp_path / "missing.urdf")
     with pytest.raises(InputError, match="is a folder"):
-        read_urdf(tmp_path)
+        urdf_of_file(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
-        read_urdf("a\0b")
+        urdf_of_file("a\0b")
     with pytest.raises(InputError, match="cannot be read"):
-        read_urdf("x" * 5000)
+        urdf_of_file("x" * 5000)
     path = tmp_path / "latin.urdf"
     path.write_bytes(PLANAR.replace("planar_2r", "plañar").encode("latin-1"))
     with pytest.raises(InputError, match="not text in the encoding utf-8"):
-        read_urdf(path)
+        urdf_of_file(path)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
@@ -198,11 +201,11 @@ def test_declared_encodings_are_honoured(encoding: str, tmp_path: Path) -> None:
     text = f'<?xml version="1.0" encoding="{declared}"?>' + tree().replace('"r"', '"Gelenkarm für Übung"')
     path = tmp_path / "robot.urdf"
     path.write_bytes(text.encode(encoding))
-    assert read_urdf(path).name == "Gelenkarm für Übung"
+    assert urdf_of_file(path).name == "Gelenkarm für Übung"
 
 
 def test_everything_in_the_file_arrives() -> None:
-    urdf = Urdf.from_text(
+    urdf = urdf_of_text(
         robot(
             '<link name="a"/><link name="b"><inertial><origin xyz="1 2 3" rpy="0.1 0.2 0.3"/>'
             '<mass value="4"/>'
@@ -244,7 +247,7 @@ def test_everything_in_the_file_arrives() -> None:
 
 def test_all_problems_of_a_file_are_collected() -> None:
     text = tree('<axis xyz="0 0 0"/>').replace('mass value="1"', 'mass value="-1"', 1)
-    reading = reading_of(text, "robot.urdf")
+    reading = reading_of(parse_xml(text, "robot.urdf"), "robot.urdf")
     assert reading.urdf is None
     assert [("mass is -1" in str(p), "length zero" in str(p)) for p in reading.problems] == [
         (True, False),
@@ -253,8 +256,8 @@ def test_all_problems_of_a_file_are_collected() -> None:
     assert set(reading.links) == {"a", "c"} and set(reading.joints) == {"k"}
 
 
-def test_pinocchio_gets_plain_revolute_joints_and_marks_for_no_limit() -> None:
-    urdf = Urdf.from_text(
+def test_continuous_joints_are_revolute_for_pinocchio_and_limits_that_are_not_given_are_infinite() -> None:
+    urdf = urdf_of_text(
         robot(
             LINKS + '<link name="d&amp;&quot;"/>' + joint(inside='<axis xyz="0 0 2"/>', kind="continuous")
             + joint("k", '<limit lower="-1" upper="0.5" effort="0" velocity="3"/>', "b", "c", "prismatic")
@@ -262,12 +265,12 @@ def test_pinocchio_gets_plain_revolute_joints_and_marks_for_no_limit() -> None:
         ),
         "robot.urdf",
     )  # fmt: skip
-    model = pin.buildModelFromXML(urdf.pinocchio_xml())
+    model = plain_model(urdf)
     assert (model.nq, model.nv) == (2, 2)
-    assert model.lowerPositionLimit.tolist() == [-UNLIMITED, -1.0]
-    assert model.upperPositionLimit.tolist() == [UNLIMITED, 0.5]
-    assert model.effortLimit.tolist() == [UNLIMITED, 0.0]
-    assert model.velocityLimit.tolist() == [UNLIMITED, 3.0]
+    assert model.lowerPositionLimit.tolist() == [-math.inf, -1.0]
+    assert model.upperPositionLimit.tolist() == [math.inf, 0.5]
+    assert model.effortLimit.tolist() == [math.inf, 0.0]
+    assert model.velocityLimit.tolist() == [math.inf, 3.0]
     assert model.existFrame('d&"')
 
 
@@ -287,9 +290,9 @@ def test_two_readers_agree_on_every_example_robot() -> None:
     for path in example_files():
         if path.name in BAD_EXAMPLES:
             with pytest.raises(InputError, match=BAD_EXAMPLES[path.name]):
-                read_urdf(path)
+                urdf_of_file(path)
             continue
-        assert differences_from_yourdfpy(read_urdf(path)) == [], path
+        assert differences_from_yourdfpy(urdf_of_file(path), read_text(path)) == [], path
         read += 1
     assert read >= 50
 
@@ -301,7 +304,7 @@ def test_pinocchio_gets_the_same_dynamics_as_from_the_file_itself() -> None:
     for path in example_files():
         if path.name in BAD_EXAMPLES:
             continue
-        ours = pin.buildModelFromXML(read_urdf(path).pinocchio_xml())
+        ours = plain_model(urdf_of_file(path))
         original = pin.buildModelFromUrdf(os.fspath(path))
         assert list(ours.names) == list(original.names)
         if ours.nv == 0:
@@ -326,13 +329,13 @@ def test_pinocchio_gets_the_same_dynamics_as_from_the_file_itself() -> None:
 
 def accept_or_refuse(text: str) -> None:
     try:
-        urdf = Urdf.from_text(text, "robot.urdf")
+        urdf = urdf_of_text(text, "robot.urdf")
     except BellcrankError as error:
         assert "\n" not in str(error) and len(str(error)) > 20
     else:
         assert urdf.root in urdf.links
         assert len(urdf.joints) == len(urdf.links) - 1
-        assert "nan" not in urdf.pinocchio_xml()
+        assert "nan" not in repr(urdf)
 
 
 @given(st.integers(0, len(PLANAR)))
@@ -367,17 +370,15 @@ def test_any_bytes_raise_nothing_but_our_errors(tmp_path: Path, raw: bytes) -> N
     path = tmp_path / "any.urdf"
     path.write_bytes(raw)
     with pytest.raises(BellcrankError):
-        read_urdf(path)
+        urdf_of_file(path)
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3), st.lists(st.floats(-4, 4), min_size=3, max_size=3))
 def test_numbers_survive_the_way_to_pinocchio_bit_by_bit(xyz: list[float], rpy: list[float]) -> None:
     origin = f'<origin xyz="{" ".join(map(repr, xyz))}" rpy="{" ".join(map(repr, rpy))}"/>'
-    urdf = Urdf.from_text(tree(origin), "robot.urdf")
+    urdf = urdf_of_text(tree(origin), "robot.urdf")
     assert list(urdf.joints["j"].xyz) == xyz and list(urdf.joints["j"].rpy) == rpy
-    again = Urdf.from_text(urdf.pinocchio_xml(), "again.urdf")
-    assert again.joints["j"].xyz == urdf.joints["j"].xyz and again.joints["j"].rpy == urdf.joints["j"].rpy
-    model = pin.buildModelFromXML(urdf.pinocchio_xml())
+    model = plain_model(urdf)
     np.testing.assert_array_equal(model.jointPlacements[1].translation, xyz)
     np.testing.assert_allclose(model.jointPlacements[1].rotation, pin.rpy.rpyToMatrix(*rpy), atol=1e-15)
 

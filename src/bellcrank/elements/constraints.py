@@ -33,8 +33,7 @@ from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.formats.file_readers import READERS, root_tag
-from bellcrank.robot.formats.gepetto_file import read_gepetto
-from bellcrank.robot.formats.joint_types import without_motor
+from bellcrank.robot.formats.gepetto_file import read_gepetto, without_motor
 from bellcrank.robot.formats.loop_expressions import relation_text
 from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation
 from bellcrank.robot.formats.xml_tree import read_text
@@ -70,7 +69,7 @@ def imported_motors(constraints: Sequence[Constraint], robot: Robot) -> tuple[st
     for place in files.values():
         path = place.file("file")
         for name in read_gepetto(path).motors:
-            if name in without_motor(robot.file.urdf, robot.source, [name]):
+            if name in without_motor(robot.file.urdf, [name]):
                 continue  # a note says so
             if name not in robot.joint_names:
                 raise place.error("file", f"{path}: name_mot: {unknown_name('joint', name, robot.joint_names)}")

@@ -130,6 +130,6 @@ def default_options() -> LoadOptions:
 
 def robot_of(file: RobotFile, options: LoadOptions, access: FileAccess) -> Robot:
     """The robot of a robot file, whose meshes are read where `access` allows. Raises InputError."""
-    robot = Robot(file, robot_data(file.urdf, file.source, options), options)
+    robot = Robot(file, robot_data(file, options), options)
     robot.mesh_access = access
     return robot

@@ -386,7 +386,7 @@ class Robot(RobotDerivatives):
         """
         loads = arguments.several("payloads", payloads, Payload, "Payloads")
         options = replace(self.options, payloads=(*self.payloads, *loads))
-        robot = type(self)(self.file, robot_data(self.file.urdf, self.source, options), options)
+        robot = type(self)(self.file, robot_data(self.file, options), options)
         robot.mesh_source, robot.mesh_access = self.mesh_source, self.mesh_access
         return robot
 

@@ -19,8 +19,7 @@ from bellcrank.messages import file_name_here, unknown_name
 from bellcrank.notes import as_note
 from bellcrank.robot import catalog
 from bellcrank.robot.formats.file_readers import read_robot_file
-from bellcrank.robot.formats.gepetto_file import read_gepetto
-from bellcrank.robot.formats.joint_types import motor_notes, with_joint_types, without_motor
+from bellcrank.robot.formats.gepetto_file import motor_notes, read_gepetto, with_joint_types, without_motor
 from bellcrank.robot.formats.loop_expressions import relation_text
 from bellcrank.robot.formats.robot_file import (
     WORLD,
@@ -111,11 +110,12 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
     """The keys of a scene that say what a robot file says, without loops of files that the scene imports itself."""
     frames: dict[str, Any] = {}
     loops = [] if file.loop_file in imported else file.loops
-    constraints = [_constraint(loop, file, frames) for loop in loops]
+    taken = frozenset(part.attributes.get("name", "").strip() for part in file.urdf.children)
+    constraints = [_constraint(loop, taken, frames) for loop in loops]
     found: dict[str, Any] = {
         "frames": frames,
         "constraints": constraints,
-        "forces": [_spring(spring, file, frames) for spring in file.springs],
+        "forces": [_spring(spring, taken, frames) for spring in file.springs],
         "actuated": list(dict.fromkeys(motor.joint for motor in file.motors)),
         "rotor_inertia": dict(file.rotor_inertia),
         "initial": _start(file),
@@ -126,10 +126,12 @@ def _entries(file: RobotFile, imported: frozenset[Path]) -> dict[str, Any]:
 
 
 def _spring(
-    spring: FileJointSpring | FileSphericalSpring | FrameSpring | FrameBushing, file: RobotFile, frames: dict[str, Any]
+    spring: FileJointSpring | FileSphericalSpring | FrameSpring | FrameBushing,
+    taken: frozenset[str],
+    frames: dict[str, Any],
 ) -> dict[str, Any]:
     if isinstance(spring, FrameSpring | FrameBushing):
-        ends = {f"frame_{k}": _frame(f"{spring.name}_{k}", getattr(spring, k), file, frames) for k in "ab"}
+        ends = {f"frame_{k}": _frame(f"{spring.name}_{k}", getattr(spring, k), taken, frames) for k in "ab"}
         kind, keys = ("bushing", BUSHING) if isinstance(spring, FrameBushing) else ("spring", SPRING)
         numbers = {key: getattr(spring, key) for key in keys}
         return {"kind": kind, "name": spring.name, **ends, **numbers}
@@ -167,7 +169,7 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
                 others = tuple(note for note in file.notes if not note.startswith(f"{path.name} beside it"))
                 file = replace(file, notes=others)
                 urdf, notes = with_joint_types(file.urdf, gepetto.joint_types, path)
-                notes += motor_notes(path, without_motor(urdf, path, gepetto.motors))
+                notes += motor_notes(path, without_motor(urdf, gepetto.motors))
                 file = replace(file, urdf=urdf, notes=tuple(dict.fromkeys((*file.notes, *notes))))
     return file
 
@@ -175,17 +177,17 @@ def _with_imported_types(file: RobotFile, fields: Fields) -> RobotFile:
 # ---- loops
 
 
-def _constraint(loop: Loop, file: RobotFile, frames: dict[str, Any]) -> dict[str, Any]:
+def _constraint(loop: Loop, taken: frozenset[str], frames: dict[str, Any]) -> dict[str, Any]:
     if isinstance(loop, JointCoupling | JointRelation):
         return _relation(loop)
     swapped = loop.a.frame == WORLD
     a, b = (loop.b, loop.a) if swapped else (loop.a, loop.b)
     entry: dict[str, Any] = {"kind": loop.kind, "name": loop.name}
-    entry["frame_a"] = _frame(f"{loop.name}_a", a, file, frames)
+    entry["frame_a"] = _frame(f"{loop.name}_a", a, taken, frames)
     if b.frame == WORLD and (loop.kind in ("point", "distance") or not any(b.rpy)):
         entry |= {"frame_b": WORLD, "point": list(b.xyz)}
     else:
-        entry["frame_b"] = _frame(f"{loop.name}_b", b, file, frames)
+        entry["frame_b"] = _frame(f"{loop.name}_b", b, taken, frames)
     if loop.kind in AXIAL:
         axes = [list(loop.axis), list(loop.axis_2)]
         entry["axis"] = axes.pop(1 if swapped and loop.kind == "universal" else 0)
@@ -199,11 +201,11 @@ def _constraint(loop: Loop, file: RobotFile, frames: dict[str, Any]) -> dict[str
 AXIAL: Final = ("hinge", "universal", "prismatic", "planar")  # kinds with the key `axis`
 
 
-def _frame(name: str, place: FramePlace, file: RobotFile, frames: dict[str, Any]) -> str:
-    """The name of a frame at a place: that of the robot, or of a new one."""
+def _frame(name: str, place: FramePlace, taken: frozenset[str], frames: dict[str, Any]) -> str:
+    """The name of a frame at a place: that of the robot, or of a new one that is not `taken`."""
     if place.frame != WORLD and not any((*place.xyz, *place.rpy)):
         return place.frame
-    while f'"{name}"' in file.urdf or f"'{name}'" in file.urdf:
+    while name in taken:
         name += "_frame"
     frames[name] = {"link": place.frame, "xyz": list(place.xyz), "rpy": list(place.rpy)}
     return name

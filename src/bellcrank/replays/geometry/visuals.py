@@ -181,8 +181,7 @@ def robot_bodies(
     What cannot be drawn, such as a missing mesh file, raises nothing; the notes name it. `progress` is called with the
     completed share of the meshes that are not in the cache.
     """
-    urdf = robot.urdf
-    root = parse_xml(urdf.text, urdf.source)
+    urdf, root = robot.urdf, robot.file.urdf
     reader, layout = UrdfShapeReader(root, robot.mesh_source, robot.mesh_access), LinkLayout(urdf, robot.user_frames)
     elements = {element.attributes.get("name", "").strip(): element for element in root.find_all("link")}
     urdf_shapes = {link: reader.shapes(elements[link], "visual") if link in elements else () for link in urdf.links}

@@ -28,7 +28,7 @@ from bellcrank.robot.formats.file_readers import read_robot_file, root_tag
 from bellcrank.robot.formats.mesh_path import find_mesh, looked_for
 from bellcrank.robot.formats.urdf_elements import JOINT_TYPES, MIMICKED, origin_from
 from bellcrank.robot.formats.urdf_file import Joint, Link, Urdf, reading_of
-from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml, read_text
+from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml, read_text, xml_text
 
 __all__ = ["Finding", "check_urdf", "format_findings"]
 
@@ -37,8 +37,8 @@ __all__ = ["Finding", "check_urdf", "format_findings"]
 def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     """Check a robot file: its elements, its tree, its masses and its meshes; compare a URDF with what yourdfpy reads.
 
-    Other formats are checked as the URDF that they become; lines in messages are those of that URDF. What only a URDF
-    can say, such as the velocity limits that MJCF does not have, is not asked of them.
+    Other formats are checked as the URDF that they become. What only a URDF can say, such as the velocity limits that
+    MJCF does not have, is not asked of them.
 
     An error makes dynamics wrong or impossible, a warning is about something that is probably not intended, and a note
     about something that is easily missed. A file that cannot be read gives one finding and no exception.
@@ -63,14 +63,14 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     access = FileAccess.of(source.resolve(), trust)
     try:
         file = read_robot_file(source, access)
-        text = file.urdf
-        reading = reading_of(text, source)
+        text = read_text(source)
+        own_text = source.suffix == ".xacro" or file.urdf == parse_xml(text, source)  # whose numbers a person wrote
     except BellcrankError as problem:
         return [Finding("error", "file", without_source(source, str(problem)))]
+    reading = reading_of(file.urdf, source)
     findings = [Finding("error", "file", without_source(source, str(problem))) for problem in reading.problems]
     for link in reading.links.values():
         findings.extend(link_findings(link))
-    own_text = file.urdf == read_text(source) or source.suffix == ".xacro"  # a URDF, whose numbers a person wrote
     motors = {motor.joint for motor in file.motors}
     for joint in reading.joints.values():
         if own_text or not is_mjcf(source):
@@ -82,11 +82,12 @@ def check_urdf(path: str | Path, *, trust: Trust = ()) -> list[Finding]:
     if reading.urdf is not None:
         findings.extend(moving_without_mass(reading.urdf))
     if reading.links:
-        findings.extend(_unused_elements(parse_xml(text, source), reading.joints))
+        findings.extend(_unused_elements(file.urdf, reading.joints))
     findings.extend(Finding("note", "file", note) for note in file.notes)
     if reading.urdf is not None:
         findings.extend(articulated_findings(reading.urdf, any(found.severity == "error" for found in findings)))
-        findings.extend(_yourdfpy_findings(reading.urdf))
+        same = own_text and source.suffix != ".xacro"
+        findings.extend(_yourdfpy_findings(reading.urdf, text if same else xml_text(file.urdf)))
     return sorted(findings, key=lambda found: ORDER.index(found.severity))
 
 
@@ -134,10 +135,10 @@ def _unused_elements(robot: XmlElement, joints: Mapping[str, Joint]) -> Iterator
                     yield Finding("warning", f"link '{name}'", f"{error}; the shape is not drawn")
 
 
-def _yourdfpy_findings(urdf: Urdf) -> Iterator[Finding]:
+def _yourdfpy_findings(urdf: Urdf, text: str) -> Iterator[Finding]:
     from bellcrank.robot.checks.check import differences_from_yourdfpy
 
-    for difference in differences_from_yourdfpy(urdf)[:20]:
+    for difference in differences_from_yourdfpy(urdf, text)[:20]:
         yield Finding("note", "yourdfpy", difference)
 
 
@@ -146,8 +147,8 @@ def _yourdfpy_findings(urdf: Urdf) -> Iterator[Finding]:
 TOLERANCE = 1e-9  # of a rotation or translation entry; everything else is compared exactly
 
 
-def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
-    """The values that yourdfpy reads differently: one phrase each.
+def differences_from_yourdfpy(urdf: Urdf, text: str) -> list[str]:
+    """The values that yourdfpy reads differently from the text of a URDF: one phrase each.
 
     Masses, centres of gravity, inertias, joint types, parents, placements, axes, limits, friction and mimics are
     compared (yourdfpy does not read transmissions). That yourdfpy cannot read the file is a difference too.
@@ -162,7 +163,7 @@ def differences_from_yourdfpy(urdf: Urdf) -> list[str]:
     try:
         with np.errstate(all="ignore"):  # shapes, which are not compared, may overflow
             robot: Any = yourdfpy.URDF.load(
-                io.BytesIO(urdf.text.lstrip("\ufeff").encode("utf-8")),
+                io.BytesIO(text.lstrip("\ufeff").encode("utf-8")),
                 build_scene_graph=False,
                 build_collision_scene_graph=False,
                 load_meshes=False,

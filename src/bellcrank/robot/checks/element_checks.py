@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from bellcrank.errors import InputError
 from bellcrank.robot.dynamics.articulated_inertia import articulated_inertias, vanishing_inertia
 from bellcrank.robot.formats.urdf_file import Inertial, Joint, Link, Urdf
 
@@ -238,12 +237,7 @@ def moving_without_mass(urdf: Urdf, loaded: Iterable[str] = ()) -> list[Finding]
 
 def articulated_findings(urdf: Urdf, already_wrong: bool) -> Iterator[Finding]:
     """The errors about joints whose inertia about their own axis vanishes, or is negative unless `already_wrong`."""
-    try:
-        inertias = articulated_inertias(urdf)
-    except InputError as problem:
-        yield Finding("error", "robot", without_source(urdf.source, str(problem)))
-        return
-    for name, (least, threshold) in inertias.items():
+    for name, (least, threshold) in articulated_inertias(urdf).items():
         what = "mass" if urdf.joints[name].type == "prismatic" else "inertia"
         if abs(least) <= threshold:
             yield Finding("error", f"joint '{name}'", vanishing_inertia(urdf, name, least))

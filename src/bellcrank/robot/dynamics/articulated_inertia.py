@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from bellcrank.errors import InputError
-from bellcrank.robot.formats.extended_joints import with_extended_joints
 from bellcrank.robot.formats.urdf_file import Urdf
+from bellcrank.robot.model.pinocchio_model import plain_model
 
 POSTURES, SEED = 5, 20240229
 RELATIVE = 1e-10  # of the joint's entry of the mass matrix: below this, nothing but round-off is left
@@ -21,18 +20,13 @@ def articulated_inertias(urdf: Urdf, model: Any = None) -> dict[str, tuple[float
     matrix from the tips to the base. The result is the one of the largest magnitude over POSTURES seeded random
     postures: where that vanishes, forward dynamics is undefined. For a planar or floating joint it is the
     smallest of its coordinates. `model` is the pinocchio.Model of the URDF with more bodies, such as payloads; it
-    has a fixed base and no mimic joints. Raises InputError where Pinocchio does not accept the robot.
+    has a fixed base and no mimic joints.
     """
     import numpy as np
     import pinocchio as pin
 
     if model is None:
-        try:
-            model = with_extended_joints(pin.buildModelFromXML(urdf.pinocchio_xml()), urdf)
-        except Exception as error:
-            raise InputError(
-                f"{urdf.source}: Pinocchio does not accept the robot ({' '.join(str(error).split())})"
-            ) from None
+        model = plain_model(urdf)
     if model.nv == 0:
         return {}
     names = [""] * model.nv

@@ -1,16 +1,18 @@
 """The YAML files of Gepetto's parallel robots (example-parallel-robots), which close the loops of a URDF.
 
 `closed_loop` lists pairs of frames, `type` is 3d (the origins coincide) or 6d (the frames coincide), `name_mot` lists
-the joints with motors, and `joint_name` and `joint_type` give joints another type than the URDF does.
+the joints with motors. `joint_name` lists joints that are revolute in the URDF and `joint_type` what they really are:
+SPHERICAL, FIXED (at 0), or UJOINT_XY and alike. Source: `completeRobotLoader` of Gepetto/example-parallel-robots.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from bellcrank.config.yaml_file import read_yaml
 from bellcrank.errors import InputError
@@ -18,6 +20,7 @@ from bellcrank.files.access import MOST_YAML, FileAccess, read_bytes
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.notes import Note
 from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace
+from bellcrank.robot.formats.xml_tree import XmlElement
 
 SUFFIXES = (".yaml", ".yml")
 MOST_FILES = 50  # of a folder that are looked at
@@ -105,3 +108,91 @@ def _joint_types(path: str | Path, data: Mapping[str, Any]) -> dict[str, str]:
             f"{path}: joint_type: expected a type for each of the {len(names)} joints of joint_name, found {len(kinds)}"
         )
     return dict(zip(names, kinds, strict=True))
+
+
+_AXES: Final = {"X": "1 0 0", "Y": "0 1 0", "Z": "0 0 1"}
+GEPETTO_TYPES: Final = ("SPHERICAL", "FIXED", *(f"UJOINT_{a}{b}" for a in _AXES for b in _AXES if a != b))
+
+
+def with_joint_types(
+    robot: XmlElement, types: Mapping[str, str], source: Path | str
+) -> tuple[XmlElement, tuple[str, ...]]:
+    """A <robot> in which some joints have other types; Gepetto's loader leaves out names that no joint has.
+
+    Args:
+        robot: The <robot> of a URDF.
+        types: New types by the names of joints: one of GEPETTO_TYPES, in capital or small letters. UJOINT_XY and alike
+            are universal joints about two axes of the joint's frame, in this order.
+        source: File that gives the types, for messages.
+
+    Returns:
+        The <robot> of a URDF in the extended sense (urdf_file.py), every element with the line that it had; and one
+        sentence for each name that no joint has.
+
+    Raises:
+        InputError: There is no such type.
+
+    Example:
+        >>> from bellcrank.robot.formats.xml_tree import parse_xml
+        >>> urdf = parse_xml('<robot><joint name="hip" type="revolute"><axis xyz="1 0 0"/></joint></robot>', "r.urdf")
+        >>> [joint] = with_joint_types(urdf, {"hip": "UJOINT_YZ"}, "robot.yaml")[0].children
+        >>> joint.attributes["type"], [(axis.tag, axis.attributes["xyz"]) for axis in joint.children]
+        ('universal', [('axis', '0 1 0'), ('axis2', '0 0 1')])
+    """
+    joints = {joint.attributes.get("name", "").strip(): joint for joint in robot.find_all("joint")}
+    changed: dict[int, XmlElement] = {}
+    notes: list[str] = []
+    for name, kind in types.items():
+        if kind.upper() not in GEPETTO_TYPES:
+            raise InputError(f"{source}: joint_type of '{name}': {unknown_name('type', kind, GEPETTO_TYPES)}")
+        if name in joints:
+            changed[id(joints[name])] = _changed(joints[name], kind.upper())
+        else:
+            close = get_close_matches(name, joints, 1)
+            like = f" (the nearest name is '{close[0]}')" if close else ""
+            notes.append(
+                f"{Path(source).name}: joint_name: no joint is named '{name}'{like}; its new type is not used."
+            )
+    return replace(robot, children=[changed.get(id(child), child) for child in robot.children]), tuple(notes)
+
+
+def _changed(joint: XmlElement, kind: str) -> XmlElement:
+    """The element of a joint with another type; a mimic of the former one is left out."""
+    kept = [child for child in joint.children if child.tag not in ("axis", "axis2", "mimic")]
+    if not kind.startswith("UJOINT"):
+        return replace(joint, attributes={**joint.attributes, "type": kind.lower()}, children=kept)
+    line = max([joint.line, *(child.line for child in kept)])
+    axes = [
+        XmlElement(tag, {"xyz": _AXES[letter]}, line) for tag, letter in zip(("axis", "axis2"), kind[-2:], strict=True)
+    ]
+    return replace(joint, attributes={**joint.attributes, "type": "universal"}, children=[*kept, *axes])
+
+
+def without_motor(robot: XmlElement, names: Iterable[str]) -> dict[str, str]:
+    """The joints of a <robot> that cannot have a motor, as they are fixed or follow another joint, and why.
+
+    Args:
+        robot: The <robot> of a URDF.
+        names: The joints that are meant to have motors.
+
+    Returns:
+        Why, by the name of the joint.
+
+    Example:
+        >>> from bellcrank.robot.formats.xml_tree import parse_xml
+        >>> without_motor(parse_xml('<robot><joint name="weld" type="fixed"/></robot>', "robot.urdf"), ["weld"])
+        {'weld': 'is fixed'}
+    """
+    found = {}
+    for joint in robot.find_all("joint"):
+        name, mimic = joint.attributes.get("name", "").strip(), joint.find("mimic")
+        if name in names and joint.attributes.get("type") == "fixed":
+            found[name] = "is fixed"
+        elif name in names and mimic is not None:
+            found[name] = f"follows joint '{mimic.attributes.get('joint', '').strip()}' (mimic)"
+    return found
+
+
+def motor_notes(path: Path, still: Mapping[str, str]) -> tuple[Note, ...]:
+    """Notes on joints (`without_motor`) that a Gepetto YAML lists among the motors."""
+    return tuple(Note(f"{path.name}: name_mot: joint '{name}' {why}; it has no motor.") for name, why in still.items())

@@ -29,8 +29,7 @@ from bellcrank.robot.formats.mjcf_names import named
 from bellcrank.robot.formats.mjcf_notes import notes_of
 from bellcrank.robot.formats.mjcf_placement import Array
 from bellcrank.robot.formats.mjcf_shapes import SIZES, MjcfShape
-from bellcrank.robot.formats.mjcf_urdf import UrdfWriter
-from bellcrank.robot.formats.mjcf_visuals import Visuals
+from bellcrank.robot.formats.mjcf_urdf import BodyWriter, Visuals
 from bellcrank.robot.formats.robot_file import ContactShape, FileJointSpring, FileSphericalSpring, Floor, RobotFile
 from bellcrank.robot.formats.urdf_file import Urdf
 from bellcrank.robot.model.load_options import LoadOptions
@@ -70,7 +69,7 @@ def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
     visuals = Visuals(root, defaults, meshes)
     joints = joints_of(bodies)
     efforts = {joint.name: effort for joint in joints if (effort := motors.effort(joint)) is not None}
-    urdf = UrdfWriter(bodies, visuals.of(bodies), efforts).text(root.attributes.get("model", "") or source.stem)
+    urdf = BodyWriter(bodies, visuals, efforts).robot(root.attributes.get("model", "") or source.stem)
     floors, contacts = floors_of(bodies)
     return RobotFile(
         source=source,
@@ -153,7 +152,7 @@ def with_passive_forces(
     """
     joints = joints_of(bodies)
     if any(map(has_spring_damper, joints)):
-        tree = Urdf.from_text(UrdfWriter(bodies, {}, {}).text("tree"), source)
+        tree = Urdf.of(BodyWriter(bodies, None, {}).robot("tree"), source)
         found = with_spring_dampers(joints, tree, reference_posture(bodies), rotor_inertia(joints, motors))
         by_name = {joint.name: joint for joint in found}
         bodies = _with_joints(bodies, lambda joint: by_name[joint.name])

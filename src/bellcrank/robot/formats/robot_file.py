@@ -1,18 +1,22 @@
 """The contents of a robot file of any format, as the one record that the readers of all formats return.
 
-A reader returns a tree as a URDF text, in which joints may also have the types `spherical`, `universal` and `screw`,
-and beside it what a URDF cannot say: closed loops, springs, motors, the start, and what is not modelled. The records
-are neutral: `bellcrank.elements` makes constraints and forces of them.
+A reader returns a tree as the elements of a URDF, in which joints may also have the types `spherical`, `universal` and
+`screw`, and beside it what a URDF cannot say: closed loops, springs, motors, the start, and what is not modelled. The
+records are neutral: `bellcrank.elements` makes constraints and forces of them. The elements stay beside the checked
+links and joints that are read from them, because pictures, `check_urdf` and saved runs need what those leave out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
 from bellcrank.robot.formats.urdf_elements import Vector3
+from bellcrank.robot.formats.urdf_file import Urdf
+from bellcrank.robot.formats.xml_tree import XmlElement
 
 WORLD: Final = "world"  # the frame of the world, where no link has this name
 LoopKind = Literal["point", "hinge", "weld", "distance", "universal", "prismatic", "planar"]
@@ -150,8 +154,8 @@ class RobotFile:
 
     Attributes:
         source: Path of the file.
-        urdf: The tree as the text of a URDF. Joint types are those of URDF, and `spherical`, `universal` and `screw`
-            (attribute `pitch`, m per revolution).
+        urdf: The <robot> of a URDF, with the tree and its shapes. Joint types are those of URDF, and `spherical`,
+            `universal` and `screw` (attribute `pitch`, m per revolution). Lines are those of the file.
         loops: Closed loops and couplings of joints.
         loop_file: The resolved path of another file that the loops were read from, or None.
         springs: Springs at joints and between points, and bushings.
@@ -166,7 +170,7 @@ class RobotFile:
     """
 
     source: Path
-    urdf: str
+    urdf: XmlElement
     loops: tuple[Loop, ...] = ()
     loop_file: Path | None = None
     springs: tuple[FileJointSpring | FileSphericalSpring | FrameSpring | FrameBushing, ...] = ()
@@ -178,3 +182,8 @@ class RobotFile:
     notes: tuple[str, ...] = ()
     floors: tuple[Floor, ...] = ()
     contacts: tuple[ContactShape, ...] = ()
+
+    @cached_property
+    def tree(self) -> Urdf:
+        """The links and joints, checked. Raises InputError, one sentence with file, element and line."""
+        return Urdf.of(self.urdf, self.source)

@@ -1,4 +1,4 @@
-"""Writes links of SDFormat as links of a URDF: inertia, and shapes for pictures."""
+"""Links of SDFormat as links of a URDF: inertia, and shapes for pictures."""
 
 from __future__ import annotations
 
@@ -10,25 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from bellcrank.robot.formats.mjcf_placement import Array, inverse
-from bellcrank.robot.formats.mjcf_urdf import origin
 from bellcrank.robot.formats.sdf_model import SdfLink
-from bellcrank.robot.formats.sdf_poses import Fail, Frames, number, numbers, read_pose, text_of
-from bellcrank.robot.formats.xml_tree import XmlElement, quoted
+from bellcrank.robot.formats.sdf_poses import Fail, Frames, number, read_pose, text_of
+from bellcrank.robot.formats.sdf_poses import numbers as numbers_of
+from bellcrank.robot.formats.urdf_writing import ENTRIES, element, inertial_element, numbers, shape_element
+from bellcrank.robot.formats.xml_tree import XmlElement
 
-ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
-
-def link_xml(link: SdfLink, source: Path, frames: Frames, fail: Fail) -> tuple[str, list[str]]:
+def link_element(link: SdfLink, source: Path, frames: Frames, fail: Fail) -> tuple[XmlElement, list[str]]:
     """The <link> of a URDF, and sentences about what is not modelled. Raises InputError."""
     where, notes = f"link '{link.name}'", list[str]()
-    parts = [f"<link name={quoted(link.name)}>", _inertial(link, where, frames, fail, notes)]
-    for element in link.element.children:
-        if element.tag in ("visual", "collision"):
-            parts += _shape(link, element, source, where, frames, fail, notes)
-    return "".join([*parts, "</link>"]), notes
+    parts = [_inertial(link, where, frames, fail, notes)]
+    for child in link.element.children:
+        if child.tag in ("visual", "collision"):
+            parts += _shape(link, child, source, where, frames, fail, notes)
+    return element("link", link.element.line, *parts, name=link.name), notes
 
 
-def _inertial(link: SdfLink, where: str, frames: Frames, fail: Fail, notes: list[str]) -> str:
+def _inertial(link: SdfLink, where: str, frames: Frames, fail: Fail, notes: list[str]) -> XmlElement:
     """Mass and inertia; SDFormat's default of both is 1."""
     inertial = link.element.find("inertial")
     if inertial is None:
@@ -45,9 +44,8 @@ def _inertial(link: SdfLink, where: str, frames: Frames, fail: Fail, notes: list
         raise fail(f"line {inertial.line}: {where}: the mass is {mass:g} kg; expected 0 or more")
     place = _placed(link, inertial, where, frames, fail)
     given = inertial.find("inertia") or XmlElement("inertia", {}, inertial.line)
-    values = {name: number(given, name, float(name in ("ixx", "iyy", "izz")), where, fail) for name in ENTRIES}
-    listed = " ".join(f'{name}="{value!r}"' for name, value in values.items())
-    return f'<inertial>{origin(place)}<mass value="{mass!r}"/><inertia {listed}/></inertial>'
+    values = [number(given, name, float(name in ("ixx", "iyy", "izz")), where, fail) for name in ENTRIES]
+    return inertial_element(mass, place, values, inertial.line)
 
 
 def _placed(link: SdfLink, element: XmlElement, where: str, frames: Frames, fail: Fail) -> Array:
@@ -62,40 +60,37 @@ def _placed(link: SdfLink, element: XmlElement, where: str, frames: Frames, fail
 
 
 def _shape(
-    link: SdfLink, element: XmlElement, source: Path, where: str, frames: Frames, fail: Fail, notes: list[str]
-) -> Iterator[str]:
+    link: SdfLink, shown: XmlElement, source: Path, where: str, frames: Frames, fail: Fail, notes: list[str]
+) -> Iterator[XmlElement]:
     """A <visual> or <collision>, where URDF has its shape."""
-    name = element.attributes.get("name", "")
-    where = f"{where}, <{element.tag}> '{name}'"
-    geometry = element.find("geometry")
+    name = shown.attributes.get("name", "")
+    where = f"{where}, <{shown.tag}> '{name}'"
+    geometry = shown.find("geometry")
     shape = next((child for child in geometry.children), None) if geometry is not None else None
-    solid = "" if shape is None else _solid(link, shape, source, where, fail)
-    if not solid:
+    solid = None if shape is None else _solid(link, shape, source, where, fail)
+    if solid is None:
         if shape is not None and shape.tag not in ("empty", "plane"):
             notes.append(f"{where}: <{shape.tag}> is not drawn.")
         return
-    colour = _colour(element) if element.tag == "visual" else ""
-    yield f"<{element.tag}>{origin(_placed(link, element, where, frames, fail))}<geometry>{solid}</geometry>"
-    yield f"{colour}</{element.tag}>"
+    colour = _colour(shown) if shown.tag == "visual" else ""
+    yield shape_element(shown.tag, _placed(link, shown, where, frames, fail), solid, colour, shown.line)
 
 
-def _solid(link: SdfLink, shape: XmlElement, source: Path, where: str, fail: Fail) -> str:
+def _solid(link: SdfLink, shape: XmlElement, source: Path, where: str, fail: Fail) -> XmlElement | None:
     where = f"{where}, <{shape.tag}>"
+    line, box, scale = shape.line, shape.find("size"), shape.find("scale")
     if shape.tag == "box":
-        size = shape.find("size")
-        values = (1.0, 1.0, 1.0) if size is None else numbers(size, where, fail)
-        return f'<box size="{" ".join(map(repr, values))}"/>'
+        return element("box", line, size=numbers((1.0, 1.0, 1.0) if box is None else numbers_of(box, where, fail)))
     if shape.tag == "sphere":
-        return f'<sphere radius="{number(shape, "radius", 1.0, where, fail)!r}"/>'
+        return element("sphere", line, radius=number(shape, "radius", 1.0, where, fail))
     if shape.tag in ("cylinder", "capsule"):
         radius, length = (number(shape, key, 1.0, where, fail) for key in ("radius", "length"))
-        return f'<{shape.tag} radius="{radius!r}" length="{length!r}"/>'
+        return element(shape.tag, line, radius=radius, length=length)
     if shape.tag == "mesh":
-        scale = shape.find("scale")
-        values = (1.0, 1.0, 1.0) if scale is None else numbers(scale, where, fail)
+        factors = (1.0, 1.0, 1.0) if scale is None else numbers_of(scale, where, fail)
         uri = _mesh(text_of(shape, "uri"), link.folder, source)
-        return f'<mesh filename={quoted(uri)} scale="{" ".join(map(repr, values))}"/>'
-    return ""
+        return element("mesh", line, filename=uri, scale=numbers(factors))
+    return None
 
 
 def _mesh(uri: str, folder: Path, source: Path) -> str:
@@ -107,6 +102,7 @@ def _mesh(uri: str, folder: Path, source: Path) -> str:
 
 
 def _colour(visual: XmlElement) -> str:
+    """The numbers of its colour, "" where none are given."""
     material = visual.find("material")
     diffuse = None if material is None else material.find("diffuse")
     words = [] if diffuse is None else diffuse.text.split()
@@ -116,4 +112,4 @@ def _colour(visual: XmlElement) -> str:
         return ""
     if len(values) not in (3, 4) or not all(math.isfinite(value) for value in values):
         return ""
-    return f'<material name=""><color rgba="{" ".join(map(repr, [*values, 1.0][:4]))}"/></material>'
+    return numbers([*values, 1.0][:4])

@@ -20,13 +20,13 @@ from bellcrank.files.access import FileAccess
 from bellcrank.notes import Note
 from bellcrank.robot.formats.mjcf_names import Names
 from bellcrank.robot.formats.mjcf_placement import Array, inverse, roll_pitch_yaw, vector
-from bellcrank.robot.formats.mjcf_urdf import origin
 from bellcrank.robot.formats.robot_file import FileJointSpring, FrameLoop, FramePlace, LoopKind, RobotFile
 from bellcrank.robot.formats.sdf_joints import JointAxis, SdfJoint, turned
-from bellcrank.robot.formats.sdf_links import link_xml
+from bellcrank.robot.formats.sdf_links import link_element
 from bellcrank.robot.formats.sdf_model import SdfModels
 from bellcrank.robot.formats.sdf_poses import WORLD
-from bellcrank.robot.formats.xml_tree import parse_xml, quoted
+from bellcrank.robot.formats.urdf_writing import element, joint_element, numbers
+from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml
 
 NEAR = 1e-13  # m, and for entries of rotation matrices: equal placements
 LOOPS: dict[str, LoopKind] = {
@@ -74,12 +74,12 @@ class _Builder:
 
     def file(self) -> RobotFile:
         """The record."""
-        lines = [f"<robot name={quoted(self.models.name)}>"]
+        parts = list[XmlElement]()
         for link in self.models.links:
-            xml, notes = link_xml(link, self.source, self.models.frames, self._fail)
-            lines.append(xml)
+            own, notes = link_element(link, self.source, self.models.frames, self._fail)
+            parts.append(own)
             self.notes += notes
-        lines += self._tree_xml()
+        parts += self._tree_parts()
         loops = tuple(self._loop(edge) for edge in self.closing)
         springs = tuple(
             FileJointSpring(joint=edge.joint.name, stiffness=axis.stiffness, reference=axis.reference)
@@ -89,7 +89,7 @@ class _Builder:
         )
         return RobotFile(
             source=self.source,
-            urdf="\n".join([*lines, "</robot>", ""]),
+            urdf=element("robot", 1, *parts, name=self.models.name),
             loops=loops,
             springs=springs,
             gravity=self.models.gravity,
@@ -117,19 +117,19 @@ class _Builder:
         place = inverse(pose(inside)) @ pose(name)
         return np.eye(4) if np.abs(place - np.eye(4)).max() <= NEAR else np.asarray(place)
 
-    def _tree_xml(self) -> Iterator[str]:
+    def _tree_parts(self) -> Iterator[XmlElement]:
         """The joints from the base on, and links between."""
         root = self.base
         place = np.eye(4) if root == WORLD else self._place(root, WORLD)
         if root == WORLD:
-            yield f"<link name={quoted(WORLD)}/>"
+            yield element("link", 1, name=WORLD)
         elif not np.array_equal(place, np.eye(4)):  # the base link keeps its place in the world
             root = self.names.new(self.models.name)
-            yield f"<link name={quoted(root)}/>"
-            yield self._fixed(root, self.base, place)
+            yield element("link", 1, name=root)
+            yield self._fixed(root, self.base, place, 1)
         for link in self.models.links:
             if link.static:
-                yield self._fixed(root, link.name, self._place(link.name, WORLD))
+                yield self._fixed(root, link.name, self._place(link.name, WORLD), link.element.line)
         beside: dict[str, list[Edge]] = {}
         for edge in self.tree:
             beside.setdefault(edge.first, []).append(edge)
@@ -145,10 +145,11 @@ class _Builder:
                     )
                 reached.add(link.name)
                 place = self._place(link.name, WORLD)
-                yield floating_xml(self.titles.new(f"{link.name}_free"), root, link.name, place)
+                title = self.titles.new(f"{link.name}_free")
+                yield joint_element(title, "floating", root, link.name, place, link.element.line)
                 yield from self._grown(link.name, beside, reached)
 
-    def _grown(self, start: str, beside: dict[str, list[Edge]], reached: set[str]) -> Iterator[str]:
+    def _grown(self, start: str, beside: dict[str, list[Edge]], reached: set[str]) -> Iterator[XmlElement]:
         waiting = [start]
         while waiting:
             at = waiting.pop(0)
@@ -160,7 +161,7 @@ class _Builder:
                 waiting.append(other)
                 yield from self._joint(edge, at, other)
 
-    def _joint(self, edge: Edge, at: str, other: str) -> Iterator[str]:
+    def _joint(self, edge: Edge, at: str, other: str) -> Iterator[XmlElement]:
         """The joint from a link to the next, with a massless link where the next link's frame is elsewhere."""
         joint, turn = edge.joint, 1.0 if edge.first == at else -1.0
         if turn < 0.0 and joint.type == "universal":
@@ -171,22 +172,22 @@ class _Builder:
         child = other
         if not np.array_equal(rest, np.eye(4)):
             child = self.names.new(f"{joint.name}_child")
-            yield f"<link name={quoted(child)}/>"
+            yield element("link", joint.line, name=child)
         axes = tuple(
             replace(axis, direction=vector(turn * np.array(self._direction(joint, k))))
             for k, axis in enumerate(joint.axes)
         )
-        yield from joint_xml(replace(joint, axes=axes), at, child, self._place(joint.name, at), self.names)
+        yield from joint_elements(replace(joint, axes=axes), at, child, self._place(joint.name, at), self.names)
         if child != other:
-            yield self._fixed(child, other, rest)
+            yield self._fixed(child, other, rest, joint.line)
 
     def _direction(self, joint: SdfJoint, axis: int) -> tuple[float, float, float]:
         one = joint.axes[axis]
         frame = self.models.frames.known(one.expressed_in or joint.name, joint.line, f"joint '{joint.name}', <axis>")
         return turned(one, self._place(frame, joint.name)[:3, :3])
 
-    def _fixed(self, parent: str, child: str, place: Array) -> str:
-        return fixed_xml(self.titles.new(f"{child}_fixed"), parent, child, place)
+    def _fixed(self, parent: str, child: str, place: Array, line: int) -> XmlElement:
+        return joint_element(self.titles.new(f"{child}_fixed"), "fixed", parent, child, place, line)
 
     # ---- loops
 
@@ -252,55 +253,35 @@ def _spanning_tree(edges: list[Edge]) -> tuple[list[Edge], list[Edge]]:
     return tree, closing
 
 
-def fixed_xml(name: str, parent: str, child: str, place: Array) -> str:
-    """A fixed joint."""
-    return f'<joint name={quoted(name)} type="fixed">{_ends(parent, child)}{origin(place)}</joint>'
-
-
-def floating_xml(name: str, parent: str, child: str, place: Array) -> str:
-    """A joint with all freedoms."""
-    return f'<joint name={quoted(name)} type="floating">{_ends(parent, child)}{origin(place)}</joint>'
-
-
-def joint_xml(joint: SdfJoint, parent: str, child: str, place: Array, links: Names) -> Iterator[str]:
+def joint_elements(joint: SdfJoint, parent: str, child: str, place: Array, links: Names) -> Iterator[XmlElement]:
     """A joint; one with two axes that differ in more than their direction is two revolute joints and a link."""
-    axes = joint.axes
+    axes, line = joint.axes, joint.line
     if len(axes) == 2 and replace(axes[1], direction=axes[0].direction) != axes[0]:
         cross = links.new(f"{joint.name}_cross")
-        yield f"<link name={quoted(cross)}/>"
+        yield element("link", line, name=cross)
         for k, (axis, ends) in enumerate(zip(axes, ((parent, cross), (cross, child)), strict=True), 1):
             single = replace(joint, name=f"{joint.name}_{k}", type="revolute", axes=(axis,))
-            yield from joint_xml(single, *ends, place if k == 1 else np.eye(4), links)
+            yield from joint_elements(single, *ends, place if k == 1 else np.eye(4), links)
         return
     kind = joint.type
     if kind == "revolute" and axes[0].lower is None and axes[0].upper is None:
         kind = "continuous"
-    pitch = f' pitch="{joint.pitch!r}"' if kind == "screw" else ""
-    parts = [f"<joint name={quoted(joint.name)} type={quoted(kind)}{pitch}>{_ends(parent, child)}{origin(place)}"]
-    for tag, axis in zip(("axis", "axis2"), axes, strict=False):
-        parts.append(f'<{tag} xyz="{" ".join(map(repr, axis.direction))}"/>')
+    parts = [element(tag, line, xyz=numbers(one.direction)) for tag, one in zip(("axis", "axis2"), axes, strict=False)]
     if axes:
-        parts += _numbers(axes[0], kind)
-    yield "".join([*parts, "</joint>"])
+        parts += _terms(axes[0], kind, line)
+    pitch = joint.pitch if kind == "screw" else None
+    yield joint_element(joint.name, kind, parent, child, place, line, *parts, pitch=pitch)
 
 
-def _numbers(axis: JointAxis, kind: str) -> Iterator[str]:
-    limits = {"effort": axis.effort, "velocity": axis.velocity}
-    if kind != "continuous":
-        # URDF takes a missing one of two limits for 0
-        limits |= {"lower": axis.lower, "upper": axis.upper}
-        if (axis.lower is None) != (axis.upper is None):
-            limits |= {"lower": -1e30 if axis.lower is None else axis.lower}
-            limits |= {"upper": 1e30 if axis.upper is None else axis.upper}
-    listed = " ".join(f'{key}="{value!r}"' for key, value in limits.items() if value is not None)
-    if listed:
-        yield f"<limit {listed}/>"
+def _terms(axis: JointAxis, kind: str, line: int) -> Iterator[XmlElement]:
+    """Limits, friction and mimic of an axis."""
+    lower, upper = (None, None) if kind == "continuous" else (axis.lower, axis.upper)
+    if (lower is None) != (upper is None):  # URDF takes a missing one of two limits for 0
+        lower, upper = -1e30 if lower is None else lower, 1e30 if upper is None else upper
+    if (lower, axis.effort, axis.velocity) != (None, None, None):
+        yield element("limit", line, effort=axis.effort, velocity=axis.velocity, lower=lower, upper=upper)
     if axis.damping or axis.friction:
-        yield f'<dynamics damping="{axis.damping!r}" friction="{axis.friction!r}"/>'
+        yield element("dynamics", line, damping=axis.damping, friction=axis.friction)
     if axis.mimic is not None:
         leader, multiplier, offset = axis.mimic
-        yield f'<mimic joint={quoted(leader)} multiplier="{multiplier!r}" offset="{offset!r}"/>'
-
-
-def _ends(parent: str, child: str) -> str:
-    return f"<parent link={quoted(parent)}/><child link={quoted(child)}/>"
+        yield element("mimic", line, joint=leader, multiplier=multiplier, offset=offset)

@@ -1,15 +1,20 @@
-"""Reading a URDF file into checked records, and writing the part of it that Pinocchio needs."""
+"""The links and joints of a URDF as checked records.
+
+There are joint types beyond URDF's own. A spherical joint has a unit quaternion x y z w (child to parent) and the
+angular velocity of the child relative to the parent, in the child's axes. A screw turns by its coordinate (rad) about
+its axis and advances along it by pitch / 2π times that. A universal joint NAME becomes two revolute joints, NAME_1
+about its `axis` and NAME_2 about its `axis2`, with a massless link NAME_cross between them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.formats.extended_joints import PLAIN_TYPES, split_universal
 from bellcrank.robot.formats.urdf_elements import (
     MIMICKED,
     Inertial,
@@ -20,12 +25,11 @@ from bellcrank.robot.formats.urdf_elements import (
     link_from,
     reduction_from,
 )
-from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml, quoted, read_text
+from bellcrank.robot.formats.xml_tree import XmlElement
 
-__all__ = ["UNLIMITED", "Inertial", "Joint", "Link", "Mimic", "Reading", "Urdf", "read_urdf", "reading_of"]
+__all__ = ["Inertial", "Joint", "Link", "Mimic", "Reading", "Urdf", "reading_of"]
 
 Part = TypeVar("Part", Link, Joint)
-UNLIMITED = 1e300  # in pinocchio_xml: stands for "no limit", as Pinocchio's reader accepts no infinity
 MOST_MOVING = 2000  # joints: a mass matrix takes memory with their square
 
 
@@ -39,51 +43,27 @@ class Urdf:
 
     name: str
     source: Path
-    text: str
     links: dict[str, Link]
     joints: dict[str, Joint]
     root: str
 
     @classmethod
-    def from_text(cls, text: str, source: str | Path) -> Urdf:
-        """An Urdf from the text of a file; `source` is the name that errors carry.
+    def of(cls, robot: XmlElement, source: str | Path) -> Urdf:
+        """An Urdf from the <robot> of a file; `source` is the name that errors carry.
 
-        Raises InputError, one sentence with file, element and line, where the text is not a valid URDF.
+        Raises InputError, one sentence with file, element and line, where there is no <robot>, it is not a tree (two
+        roots, a loop, a link with two parents, an unknown or repeated name), or has an impossible value (not a number,
+        NaN, a negative mass, a zero axis, a mimic of an unknown joint).
         """
-        reading = reading_of(text, source)
+        reading = reading_of(robot, source)
         if reading.urdf is None:
             raise reading.problems[0]
         return reading.urdf
 
-    def pinocchio_xml(self) -> str:
-        """The kinematic and inertial part as a URDF text for `pinocchio.buildModelFromXML`.
-
-        Continuous joints become revolute, so that every one-degree-of-freedom joint has one coordinate; spherical
-        joints floating and screws revolute, to be replaced in the model (extended_joints.py); a
-        limit that the file does not give is ±UNLIMITED (1e300). Shapes, transmissions and simulator elements
-        are left out.
-        """
-        lines = [f"<robot name={quoted(self.name)}>"]
-        for link in self.links.values():
-            lines.append(f"<link name={quoted(link.name)}>{_inertial_xml(link.inertial)}</link>")
-        lines.extend(_joint_xml(joint) for joint in self.joints.values())
-        return "\n".join([*lines, "</robot>", ""])
-
-
-def read_urdf(path: str | Path) -> Urdf:
-    """Read and check a URDF file.
-
-    Raises InputError, one sentence with file, element and line, where the file is missing, empty, truncated or not XML,
-    has no <robot>, is not a tree (two roots, a loop, a link with two parents, an unknown or repeated name), or has an
-    impossible value (not a number, NaN, a negative mass, a zero axis, a mimic of an unknown joint).
-    """
-    source = Path(path)
-    return Urdf.from_text(read_text(source), source)
-
 
 @dataclass(frozen=True)
 class Reading:
-    """What could be read from a text: the Urdf, or None and the problems found (at least one).
+    """What could be read from a file: the Urdf, or None and the problems found (at least one).
 
     `links` and `joints` are those that could be read, also where there is no Urdf.
     """
@@ -94,8 +74,8 @@ class Reading:
     joints: dict[str, Joint]
 
 
-def reading_of(text: str, source: str | Path) -> Reading:
-    """Read all of a text that can be read, collecting the problems instead of raising the first one."""
+def reading_of(robot: XmlElement, source: str | Path) -> Reading:
+    """Read all of a <robot> that can be read, collecting the problems instead of raising the first one."""
     source = Path(source)
     problems: list[InputError] = []
 
@@ -104,7 +84,6 @@ def reading_of(text: str, source: str | Path) -> Reading:
         return InputError(f"{source}: {printable}")
 
     try:
-        robot = parse_xml(text, source)
         _refuse_foreign(robot, fail)
     except InputError as problem:
         return Reading(None, (problem,), {}, {})
@@ -120,7 +99,7 @@ def reading_of(text: str, source: str | Path) -> Reading:
     if problems:
         return Reading(None, tuple(problems), links, joints)
     try:
-        links, joints = split_universal(links, joints, fail)
+        links, joints = _with_universal_split(links, joints, fail)
         root = _root(links, joints, fail)
         if (moving := sum(joint.type != "fixed" for joint in joints.values())) > MOST_MOVING:
             raise fail(
@@ -130,7 +109,7 @@ def reading_of(text: str, source: str | Path) -> Reading:
     except InputError as problem:
         return Reading(None, (problem,), links, joints)
     name = robot.attributes.get("name", "").strip() or source.stem
-    return Reading(Urdf(name, source, text, links, joints, root), (), links, joints)
+    return Reading(Urdf(name, source, links, joints, root), (), links, joints)
 
 
 def _refuse_foreign(robot: XmlElement, fail: Callable[[str], InputError]) -> None:
@@ -170,6 +149,35 @@ def _named(
         parts[part.name] = part
         lines[part.name] = element.line
     return parts
+
+
+def _with_universal_split(
+    links: Mapping[str, Link], joints: Mapping[str, Joint], fail: Callable[[str], InputError]
+) -> tuple[dict[str, Link], dict[str, Joint]]:
+    """The links and joints with every universal joint written as two revolute joints.
+
+    Raises InputError, made by `fail`, where a name that this needs is taken.
+    """
+    new_links, new_joints = dict(links), {}
+    for joint in joints.values():
+        if joint.type != "universal":
+            new_joints[joint.name] = joint
+            continue
+        first, second, cross = f"{joint.name}_1", f"{joint.name}_2", f"{joint.name}_cross"
+        for kind, name, names in (("joint", first, joints), ("joint", second, joints), ("link", cross, links)):
+            if name in names:
+                raise fail(
+                    f"there is a {kind} '{name}', a name that the universal joint '{joint.name}' needs for itself (its "
+                    f"two axes are the joints '{first}' and '{second}'); rename one of them"
+                )
+        new_links[cross] = Link(cross, None, (), between_axes=True)
+        revolute = "revolute" if joint.lower is not None or joint.upper is not None else "continuous"
+        new_joints[first] = replace(joint, name=first, type=revolute, child=cross)
+        new_joints[second] = replace(
+            joint, name=second, type=revolute, parent=cross, xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0),
+            axis=joint.axis_2, axis_length=1.0,
+        )  # fmt: skip
+    return new_links, new_joints
 
 
 def _root(links: dict[str, Link], joints: dict[str, Joint], fail: Callable[[str], InputError]) -> str:
@@ -246,42 +254,3 @@ def _resolved(joint: Joint, joints: dict[str, Joint], fail: Callable[[str], Inpu
         offset += multiplier * following.offset
         multiplier *= following.multiplier
         leader = following.joint
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return '"' + " ".join(repr(value) for value in values) + '"'
-
-
-def _inertial_xml(inertial: Inertial | None) -> str:
-    if inertial is None:
-        return ""
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    inertia = " ".join(f'{name}="{value!r}"' for name, value in zip(names, inertial.inertia, strict=True))
-    return (
-        f"<inertial><origin xyz={_numbers(inertial.xyz)} rpy={_numbers(inertial.rpy)}/>"
-        f'<mass value="{inertial.mass!r}"/><inertia {inertia}/></inertial>'
-    )
-
-
-def _joint_xml(joint: Joint) -> str:
-    kind = PLAIN_TYPES.get(joint.type, joint.type)
-    parts = [
-        f"<joint name={quoted(joint.name)} type={quoted(kind)}>",
-        f"<parent link={quoted(joint.parent)}/><child link={quoted(joint.child)}/>",
-        f"<origin xyz={_numbers(joint.xyz)} rpy={_numbers(joint.rpy)}/>",
-    ]
-    if kind in ("revolute", "prismatic", "planar"):
-        parts.append(f"<axis xyz={_numbers(joint.axis)}/>")
-    if kind in ("revolute", "prismatic"):
-        lower = -UNLIMITED if joint.lower is None else joint.lower
-        upper = UNLIMITED if joint.upper is None else joint.upper
-        effort = UNLIMITED if joint.effort is None else joint.effort
-        velocity = UNLIMITED if joint.velocity is None else joint.velocity
-        parts.append(f'<limit lower="{lower!r}" upper="{upper!r}" effort="{effort!r}" velocity="{velocity!r}"/>')
-        parts.append(f'<dynamics damping="{joint.damping or 0.0!r}" friction="{joint.friction or 0.0!r}"/>')
-    if joint.mimic is not None:
-        mimic = joint.mimic
-        parts.append(
-            f'<mimic joint={quoted(mimic.joint)} multiplier="{mimic.multiplier!r}" offset="{mimic.offset!r}"/>'
-        )
-    return "".join([*parts, "</joint>"])

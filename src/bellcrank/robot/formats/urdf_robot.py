@@ -9,14 +9,21 @@ from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
-from bellcrank.robot.formats.gepetto_file import gepetto_beside, gepetto_of_others, read_gepetto
-from bellcrank.robot.formats.joint_types import motor_notes, with_joint_names, with_joint_types, without_motor
+from bellcrank.robot.formats.gepetto_file import (
+    gepetto_beside,
+    gepetto_of_others,
+    motor_notes,
+    read_gepetto,
+    with_joint_types,
+    without_motor,
+)
 from bellcrank.robot.formats.robot_file import JointMotor, RobotFile
 from bellcrank.robot.formats.urdf_extensions import (
     BALL,
@@ -45,8 +52,7 @@ def read_urdf_robot(
     if source.suffix == ".xacro":
         text = expanded(text, source, access, xacro_args or {})
     beside = gepetto_beside(source, access)
-    text, unnamed = with_joint_names(text, source)
-    robot = parse_xml(text, source)
+    robot, unnamed = with_joint_names(parse_xml(text, source))
 
     def fail(message: str) -> InputError:
         return InputError(f"{source}: " + "".join(c if c.isprintable() else " " for c in message))
@@ -54,23 +60,23 @@ def read_urdf_robot(
     refuse_unread(robot, fail)
     file = RobotFile(
         source=source,
-        urdf=text,
+        urdf=robot,
         loops=(*loops_of(robot, fail), *ball_constraints(robot, fail), *gazebo_balls(robot, fail)),
         springs=springs(robot, fail),
         rotor_inertia=rotor_inertias(robot, fail),
         notes=(*unnamed, *unused(robot), *(gepetto_of_others(source, access) if beside is None else ())),
     )
-    return file if beside is None else _with_gepetto(file, robot, beside)
+    return file if beside is None else _with_gepetto(file, beside)
 
 
-def _with_gepetto(file: RobotFile, robot: XmlElement, path: Path) -> RobotFile:
+def _with_gepetto(file: RobotFile, path: Path) -> RobotFile:
     if file.loops:
         raise InputError(
             f"{file.source}: has loops of its own, and {path.name} beside it closes loops too; keep one of them"
         )
     found = read_gepetto(path)
-    joints = [joint.attributes.get("name", "").strip() for joint in robot.find_all("joint")]
-    links = [link.attributes.get("name", "").strip() for link in robot.find_all("link")]
+    joints = [joint.attributes.get("name", "").strip() for joint in file.urdf.find_all("joint")]
+    links = [link.attributes.get("name", "").strip() for link in file.urdf.find_all("link")]
     for frame in (name for a, b, _ in found.loops for name in (a, b)):
         if frame not in links and frame not in joints:
             raise InputError(f"{path}: closed_loop: {unknown_name('frame', frame, [*links, *joints])}")
@@ -78,7 +84,7 @@ def _with_gepetto(file: RobotFile, robot: XmlElement, path: Path) -> RobotFile:
         if name not in joints:
             raise InputError(f"{path}: name_mot: {unknown_name('joint', name, joints)}")
     urdf, notes = with_joint_types(file.urdf, found.joint_types, path)
-    still = without_motor(urdf, file.source, found.motors)
+    still = without_motor(urdf, found.motors)
     return replace(
         file,
         urdf=urdf,
@@ -87,6 +93,34 @@ def _with_gepetto(file: RobotFile, robot: XmlElement, path: Path) -> RobotFile:
         motors=tuple(JointMotor(name=name, joint=name) for name in dict.fromkeys(found.motors) if name not in still),
         notes=(*file.notes, *found.notes, *notes, *motor_notes(path, still)),
     )
+
+
+def with_joint_names(robot: XmlElement) -> tuple[XmlElement, tuple[Note, ...]]:
+    """A <robot> in which every joint has a name, that of its child link with "_joint" where it had none.
+
+    Returns:
+        The <robot>, every element with the line that it had; and a note on each joint that was given a name.
+
+    Example:
+        >>> text = '<robot name="r"><joint type="fixed"><parent link="a"/><child link="b"/></joint></robot>'
+        >>> with_joint_names(parse_xml(text, "robot.urdf"))[1]
+        ("line 1: the joint of link 'b' has no name; it is called 'b_joint'.",)
+    """
+    names = [joint.attributes.get("name", "").strip() for joint in robot.find_all("joint")]
+    if all(names):
+        return robot, ()
+    taken, children, notes = {*names}, list[XmlElement](), list[Note]()
+    for child in robot.children:
+        end = child.find("child")
+        link = "" if end is None else end.attributes.get("link", "").strip()
+        if child.tag == "joint" and not child.attributes.get("name", "").strip() and link:
+            free = (f"{link}_joint{k or ''}" for k in count())
+            name = next(name for name in free if name not in taken)
+            taken.add(name)
+            notes.append(Note(f"line {child.line}: the joint of link '{link}' has no name; it is called '{name}'."))
+            child = replace(child, attributes={**child.attributes, "name": name})
+        children.append(child)
+    return replace(robot, children=children), tuple(notes)
 
 
 CHILDREN = {  # of the elements that are read, what they may contain

@@ -1,4 +1,4 @@
-"""Strict parsing of XML with line numbers, by Python's expat: no repairs, no entities, no network."""
+"""Strict parsing of XML with line numbers, by Python's expat: no repairs, no entities, no network; and writing it."""
 
 from __future__ import annotations
 
@@ -146,3 +146,27 @@ def escaped(text: str) -> str:
 def quoted(text: str) -> str:
     """The text as the value of an attribute, with its quotation marks."""
     return f'"{text.translate(_QUOTED)}"'
+
+
+def xml_text(element: XmlElement) -> str:
+    """The text of an element and everything below it, each in its line."""
+    pieces: list[str] = []
+    _write(element, pieces, 1)
+    return "".join(pieces)
+
+
+def _write(element: XmlElement, pieces: list[str], line: int) -> int:
+    """Add the text of an element to the pieces, from this line on, each tag in its own line; the line of its end."""
+    pieces.append("\n" * max(element.line - line, 0))
+    line = max(line, element.line)
+    attributes = "".join(f" {key}={quoted(value)}" for key, value in element.attributes.items())
+    written = escaped(element.text.strip())
+    if not element.children and not written:
+        pieces.append(f"<{element.tag}{attributes}/>")
+        return line
+    pieces.append(f"<{element.tag}{attributes}>{written}")
+    line += written.count("\n")
+    for child in element.children:
+        line = _write(child, pieces, line)
+    pieces.append(f"</{element.tag}>")
+    return line

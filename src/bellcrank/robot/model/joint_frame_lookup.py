@@ -81,27 +81,21 @@ class RobotDescription(Portable):
     def __repr__(self) -> str:
         return f"Robot('{self.name}', {len(self.joints)} joints, nq={self.nq}, nv={self.nv}, {self.source.name})"
 
-    @cached_property
+    @property
     def urdf(self) -> Urdf:
         """The URDF's own data, limits, friction and transmissions included."""
-        from bellcrank.robot.formats.urdf_file import Urdf
-
-        return Urdf.from_text(self.file.urdf, self.source)
+        return self.file.tree
 
     @cached_property
     def model(self) -> Any:
         """The robot as a pinocchio.Model, with payloads, gravity and rotor inertia (as armature).
 
-        Mimicking joints are Pinocchio's mimic joints. Where a leader comes after its follower, which Pinocchio's reader
-        does not accept, or where the robot has spherical joints or screws too, every joint is one of its own, and the
-        model's nq and nv are larger than the robot's.
+        Mimicking joints are Pinocchio's mimic joints. Where a leader comes after its follower, which Pinocchio does not
+        accept, every joint is one of its own, and the model's nq and nv are larger than the robot's.
         """
         from bellcrank.robot.model.pinocchio_model import pinocchio_model
 
-        try:
-            model = pinocchio_model(self.urdf, self.options, mimic=bool(self._tree.mimics))[0]
-        except InputError:
-            model = pinocchio_model(self.urdf, self.options, mimic=False)[0]
+        model = pinocchio_model(self.urdf, self.options, mimic=True)[0]
         model.gravity.linear = np.array(self.gravity)
         for joint in self.joints:
             if self.rotor_inertia[joint.v]:

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.codegen import cache as disk
+from bellcrank.robot.formats.xml_tree import xml_text
 from bellcrank.robot.model.joints import KINDS
 from bellcrank.robot.model.tree import Tree, TreeJoint
 
 if TYPE_CHECKING:
+    from bellcrank.robot.formats.robot_file import RobotFile
     from bellcrank.robot.formats.urdf_file import Joint, Urdf
     from bellcrank.robot.model.load_options import LoadOptions
     from bellcrank.robot.model.payload import Payload
@@ -50,10 +52,11 @@ class RobotData:
     singular_joints: Mapping[str, str]
 
 
-def robot_data(text: str, source: Path, options: LoadOptions) -> RobotData:
-    """The data of a URDF, given as text, from the cache or made anew. Raises InputError, which names `source`."""
+def robot_data(file: RobotFile, options: LoadOptions) -> RobotData:
+    """The data of a robot file, from the cache or made anew. Raises InputError, which names the file."""
     key = "robot-" + disk.digest(
-        text,
+        xml_text(file.urdf),
+        str(file.source.stem),  # the name of a robot that has none
         repr(options.floating_base),
         repr([asdict(load) for load in options.payloads]),
         repr(sorted(options.frames.items())),
@@ -62,7 +65,7 @@ def robot_data(text: str, source: Path, options: LoadOptions) -> RobotData:
     )
     data = _stored(key)
     if data is None:
-        data = _read(text, source, options)
+        data = _read(file.tree, options)
         disk.store(key, _to_json(data).encode())
     return data
 
@@ -132,16 +135,14 @@ def _with_infinities(values: list[float | None], name: str) -> list[float]:
 # ---- reading
 
 
-def _read(text: str, source: Path, options: LoadOptions) -> RobotData:
+def _read(urdf: Urdf, options: LoadOptions) -> RobotData:
     from dataclasses import replace
 
     from bellcrank.robot.checks.element_checks import element_findings, moving_without_mass
     from bellcrank.robot.dynamics.articulated_inertia import articulated_inertias, vanishing_inertia
-    from bellcrank.robot.formats.urdf_file import Urdf
     from bellcrank.robot.model.pinocchio_model import pinocchio_model
     from bellcrank.robot.model.tree_layout import tree_of_model
 
-    urdf = Urdf.from_text(text, source)
     model, cleaning = pinocchio_model(urdf, options, mimic=False)
     tree = tree_of_model(model, urdf, cleaning, options.clean)
     # A free base does not change the tree beyond it, and the articulated inertias are those with the base fixed.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bellcrank.errors import InputError
-from bellcrank.robot.model.rounding_cleanup import Cleaning, length_scale
+from bellcrank.robot.model.pinocchio_model import Cleaning, length_scale
 from bellcrank.robot.model.tree import JointPlacement, Numbers, Tree, TreeFrame, TreeJoint, TreeMimic
 
 if TYPE_CHECKING:

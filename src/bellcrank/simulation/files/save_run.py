@@ -26,6 +26,7 @@ from bellcrank.elements.sampled_controllers import FunctionController, StateSpac
 from bellcrank.errors import InputError
 from bellcrank.files.atomic_write import writing
 from bellcrank.messages import readable, utf8
+from bellcrank.robot.formats.xml_tree import xml_text
 from bellcrank.robot.model.joints import LENGTHS
 from bellcrank.scene.run_contents import RUN, VERSION
 from bellcrank.terminal import interruption
@@ -157,7 +158,7 @@ def _scene_files(scene: Scene) -> tuple[str, dict[str, str]]:
                 entry["holds"] = list(part.holds)
     data |= _without_catalogue(scene, data)
     data.pop("xacro_args", None)  # the URDF is the expanded one
-    data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, scene.robot.urdf.text)}
+    data |= {"name": readable(scene.name), "urdf": _add(files, scene.robot.source, xml_text(scene.robot.file.urdf))}
     text = yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
     return _add(files, scene.source.with_suffix(".yaml"), text), files
 

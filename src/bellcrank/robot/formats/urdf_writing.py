@@ -1,0 +1,55 @@
+"""Makes elements of a URDF, for the readers of other formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from bellcrank.robot.formats.mjcf_placement import Array, roll_pitch_yaw
+from bellcrank.robot.formats.xml_tree import XmlElement
+
+ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def element(tag: str, line: int, *children: XmlElement, **attributes: str | float | None) -> XmlElement:
+    """An element that stands for one in this line of the file; numbers are written exactly, None is left out."""
+    given = {key: value for key, value in attributes.items() if value is not None}
+    texts = {key: value if isinstance(value, str) else repr(value) for key, value in given.items()}
+    return XmlElement(tag, texts, line, list(children))
+
+
+def joint_element(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    place: Array,
+    line: int,
+    *parts: XmlElement,
+    pitch: float | None = None,
+) -> XmlElement:
+    """A joint of a type of the extended URDF (urdf_file.py) at a placement (4, 4) in its parent link."""
+    ends = element("parent", line, link=parent), element("child", line, link=child)
+    return element("joint", line, *ends, origin(place, line), *parts, name=name, type=kind, pitch=pitch)
+
+
+def inertial_element(mass: float, place: Array, entries: Iterable[float], line: int) -> XmlElement:
+    """Mass (kg) at a placement (4, 4) in the link, and the six ENTRIES (kg m²) in its axes."""
+    inertia = dict(zip(ENTRIES, map(float, entries), strict=True))
+    parts = element("mass", line, value=float(mass)), element("inertia", line, **inertia)
+    return element("inertial", line, origin(place, line), *parts)
+
+
+def shape_element(tag: str, place: Array, solid: XmlElement, rgba: str, line: int) -> XmlElement:
+    """A <visual> or <collision> at a placement (4, 4) in its link; `rgba` is empty where no colour is given."""
+    paint = [element("material", line, element("color", line, rgba=rgba), name="")] if rgba else []
+    return element(tag, line, origin(place, line), element("geometry", line, solid), *paint)
+
+
+def origin(place: Array, line: int) -> XmlElement:
+    """A placement (4, 4) as an <origin>."""
+    return element("origin", line, xyz=numbers(place[:3, 3]), rpy=numbers(roll_pitch_yaw(place[:3, :3])))
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers as the value of an attribute, exactly, but no −0."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
