@@ -11,8 +11,7 @@ from bellcrank.robot.catalog import find_urdf
 from bellcrank.robot.formats.file_readers import read_robot_file
 from bellcrank.robot.formats.robot_file import RobotFile
 from bellcrank.robot.model.friction import FRICTION_WIDTH, Friction, checked_friction
-from bellcrank.robot.model.load_options import FrameTable, LoadOptions, checked_frames
-from bellcrank.robot.model.payload import Payload
+from bellcrank.robot.model.payload import FrameTable, LoadOptions, Payload, checked_frames
 from bellcrank.robot.model.robot_cache import robot_data
 from bellcrank.robot.robot import Robot
 

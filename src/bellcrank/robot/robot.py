@@ -15,9 +15,8 @@ from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
 from bellcrank.notes import Note, as_note
-from bellcrank.robot.dynamics.compiled_robot import NO_PARAMETERS
+from bellcrank.robot.dynamics.compiled_robot import NO_PARAMETERS, QVA, QVTAU, all_finite
 from bellcrank.robot.dynamics.robot_derivatives import RobotDerivatives
-from bellcrank.robot.dynamics.state_checks import QVA, QVTAU, all_finite
 from bellcrank.robot.model.joints import RobotJoint
 from bellcrank.robot.model.payload import Payload
 from bellcrank.robot.model.robot_cache import robot_data

@@ -20,7 +20,6 @@ from bellcrank.notes import as_note
 from bellcrank.robot import catalog
 from bellcrank.robot.formats.file_readers import read_robot_file
 from bellcrank.robot.formats.gepetto_file import motor_notes, read_gepetto, with_joint_types, without_motor
-from bellcrank.robot.formats.loop_expressions import relation_text
 from bellcrank.robot.formats.robot_file import (
     WORLD,
     FileJointSpring,
@@ -32,6 +31,7 @@ from bellcrank.robot.formats.robot_file import (
     JointRelation,
     Loop,
     RobotFile,
+    relation_text,
 )
 from bellcrank.robot.load import xacro_text
 from bellcrank.scene.source_mapping import SourceMapping, source_mapping

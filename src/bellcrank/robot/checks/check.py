@@ -136,7 +136,6 @@ def _unused_elements(robot: XmlElement, joints: Mapping[str, Joint]) -> Iterator
 
 
 def _yourdfpy_findings(urdf: Urdf, text: str) -> Iterator[Finding]:
-    from bellcrank.robot.checks.check import differences_from_yourdfpy
 
     for difference in differences_from_yourdfpy(urdf, text)[:20]:
         yield Finding("note", "yourdfpy", difference)

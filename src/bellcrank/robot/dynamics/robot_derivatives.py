@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from bellcrank import arguments
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
-from bellcrank.robot.dynamics.compiled_robot import CompiledRobot
-from bellcrank.robot.dynamics.derivative_equations import DerivativeEquations
+from bellcrank.robot.dynamics.compiled_robot import QVA, QVTAU, CompiledRobot, all_finite
+from bellcrank.robot.dynamics.derivative_equations import DerivativeEquations, ParameterDerivatives
 from bellcrank.robot.dynamics.equations import Equations
-from bellcrank.robot.dynamics.parameter_derivatives import ParameterDerivatives
-from bellcrank.robot.dynamics.state_checks import QVA, QVTAU, all_finite
 from bellcrank.robot.model.joints import joint_named, require_uniform
 from bellcrank.robot.model.traced_tree import setting
 

@@ -6,7 +6,7 @@ MuJoCo's are soft; contacts, tendons and controllers are not modelled. What is n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,24 +16,16 @@ from scipy.spatial.transform import Rotation
 
 from bellcrank.files.access import FileAccess
 from bellcrank.notes import Note
-from bellcrank.numerics import LARGEST
-from bellcrank.robot.formats.mjcf_actuators import Motors, read_motors
-from bellcrank.robot.formats.mjcf_bodies import BodyReader, MjcfBody
+from bellcrank.robot.formats.mjcf_bodies import BodyReader, MjcfBody, Start, named, reference_posture
 from bellcrank.robot.formats.mjcf_compiler import Compiler, Defaults, disabled_flags, gravity_of
 from bellcrank.robot.formats.mjcf_element import MjcfElement, read_mjcf_elements
 from bellcrank.robot.formats.mjcf_equality import EqualityReader, fixed_tendons
-from bellcrank.robot.formats.mjcf_inertia import InertiaReader, total_scale
-from bellcrank.robot.formats.mjcf_joints import MOVING, MjcfJoint
+from bellcrank.robot.formats.mjcf_forces import joints_of, read_motors, rotor_inertia, springs_of, with_passive_forces
 from bellcrank.robot.formats.mjcf_meshes import MjcfMeshes
-from bellcrank.robot.formats.mjcf_names import named
 from bellcrank.robot.formats.mjcf_notes import notes_of
-from bellcrank.robot.formats.mjcf_placement import Array
-from bellcrank.robot.formats.mjcf_shapes import SIZES, MjcfShape
+from bellcrank.robot.formats.mjcf_shapes import SIZES, InertiaReader, MjcfShape, total_scale
 from bellcrank.robot.formats.mjcf_urdf import BodyWriter, Visuals
-from bellcrank.robot.formats.robot_file import ContactShape, FileJointSpring, FileSphericalSpring, Floor, RobotFile
-from bellcrank.robot.formats.urdf_file import Urdf
-from bellcrank.robot.model.load_options import LoadOptions
-from bellcrank.robot.model.pinocchio_model import pinocchio_model
+from bellcrank.robot.formats.robot_file import ContactShape, Floor, RobotFile
 
 
 def read_mjcf(text: str, source: Path, access: FileAccess) -> RobotFile:
@@ -140,124 +132,11 @@ def _rows(place: np.ndarray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in place.tolist())
 
 
-# ---- Springs, dampers, dry friction and armature of MJCF joints, those of motors and springdamper included.
-
-
-def with_passive_forces(
-    bodies: list[MjcfBody], motors: Motors, disabled: frozenset[str], source: Path
-) -> list[MjcfBody]:
-    """The bodies, their joints with the stiffness, damping and friction that act on them.
-
-    `disabled` are the flags of <option> that are off. Raises InputError where a springdamper cannot be computed.
-    """
-    joints = joints_of(bodies)
-    if any(map(has_spring_damper, joints)):
-        tree = Urdf.of(BodyWriter(bodies, None, {}).robot("tree"), source)
-        found = with_spring_dampers(joints, tree, reference_posture(bodies), rotor_inertia(joints, motors))
-        by_name = {joint.name: joint for joint in found}
-        bodies = _with_joints(bodies, lambda joint: by_name[joint.name])
-    bodies = _with_joints(bodies, lambda joint: _enabled(joint, disabled))
-    return _with_joints(bodies, lambda joint: _with_damping(joint, motors.damping.get(joint.name, 0.0)))
-
-
-def joints_of(bodies: Sequence[MjcfBody]) -> list[MjcfJoint]:
-    """All joints."""
-    return [joint for body in bodies for joint in body.joints]
-
-
-def springs_of(joints: Sequence[MjcfJoint]) -> Iterator[FileJointSpring | FileSphericalSpring]:
-    """The springs of joints."""
-    for joint in joints:
-        if joint.stiffness[0] and joint.kind in MOVING:
-            yield FileJointSpring(joint=joint.name, stiffness=joint.stiffness[0], reference=joint.spring_ref)
-        elif joint.stiffness[0] and joint.kind == "ball":
-            yield FileSphericalSpring(joint=joint.name, stiffness=joint.stiffness[0])
-
-
-def rotor_inertia(joints: Sequence[MjcfJoint], motors: Motors) -> dict[str, float]:
-    """The armature of joints and of their motors by joint, kg m² or kg."""
-    sums = {j.name: j.armature + motors.armature.get(j.name, 0.0) for j in joints if j.kind != "free"}
-    return {name: value for name, value in sums.items() if value}
-
-
-def _with_joints(bodies: list[MjcfBody], change: Callable[[MjcfJoint], MjcfJoint]) -> list[MjcfBody]:
-    return [replace(body, joints=tuple(map(change, body.joints))) for body in bodies]
-
-
-def _enabled(joint: MjcfJoint, disabled: frozenset[str]) -> MjcfJoint:
-    """The joint without the passive forces that flags disable."""
-    if disabled & {"spring", "passive"}:
-        joint = replace(joint, stiffness=(0.0,))
-    if disabled & {"damper", "passive"}:
-        joint = replace(joint, damping=(0.0,))
-    return replace(joint, friction=0.0) if "frictionloss" in disabled else joint
-
-
-def _with_damping(joint: MjcfJoint, added: float) -> MjcfJoint:
-    return replace(joint, damping=(joint.damping[0] + added, *joint.damping[1:])) if added else joint
-
-
-def has_spring_damper(joint: MjcfJoint) -> bool:
-    """Whether a joint has a springdamper that MuJoCo uses: two positive numbers. Raises InputError."""
-    given = joint.element.numbers("springdamper", 2, 2)
-    return given is not None and min(given) > 0.0 and joint.kind != "free"
-
-
-def with_spring_dampers(
-    joints: Sequence[MjcfJoint], urdf: Urdf, posture: Start, armature: Mapping[str, float]
-) -> list[MjcfJoint]:
-    """The joints; the springdamper of a joint gives its stiffness and damping, of a time constant and a damping ratio.
-
-    MuJoCo's documentation, "XML Reference", body/joint: with the inertia I that the joint feels in the posture of the
-    file, stiffness = I / (T² ζ²) and damping = 2 I / T for the time constant T and the damping ratio ζ. As in MuJoCo,
-    1/I is the joint's entry on the diagonal of M⁻¹, for a ball joint the mean of its three entries.
-    `urdf` is the tree, `posture` that of the file by joint, `armature` the rotor inertia by joint. Raises InputError.
-    """
-    inertia = _inertias(joints, urdf, posture, armature)
-    result = []
-    for joint in joints:
-        if has_spring_damper(joint):
-            time, ratio = joint.element.numbers("springdamper", 2, 2) or (1.0, 1.0)
-            felt = inertia[joint.name]
-            if not (felt / LARGEST < (time * ratio) ** 2 and felt / LARGEST < time):
-                raise joint.element.fail(f"springdamper {time:g} {ratio:g} gives a stiffness above {LARGEST:g}")
-            joint = replace(joint, stiffness=(felt / (time * ratio) ** 2,), damping=(2.0 * felt / time,))
-        result.append(joint)
-    return result
-
-
-def _inertias(
-    joints: Sequence[MjcfJoint], urdf: Urdf, posture: Start, armature: Mapping[str, float]
-) -> dict[str, float]:
-    """The inertia (kg m² or kg) that each joint feels in a posture."""
-    import pinocchio as pin
-
-    model = pinocchio_model(urdf, LoadOptions(clean=False), mimic=False)[0]
-    q, own = pin.neutral(model), np.zeros(model.nv)
-    places = {}
-    for joint in joints:
-        moving = model.joints[model.getJointId(joint.name)]
-        q[moving.idx_q : moving.idx_q + moving.nq] = posture[joint.name]
-        places[joint.name] = slice(moving.idx_v, moving.idx_v + moving.nv)
-        own[places[joint.name]] = armature.get(joint.name, 0.0)
-    mass = np.array(pin.crba(model, model.createData(), q))
-    mass = np.triu(mass) + np.triu(mass, 1).T + np.diag(own)
-    try:
-        inverse = np.diagonal(np.linalg.inv(mass))
-    except np.linalg.LinAlgError:
-        inverse = np.zeros(model.nv)
-    if not (np.isfinite(inverse).all() and (inverse > 0.0).all()):
-        first = next(joint for joint in joints if has_spring_damper(joint))
-        raise first.element.fail("springdamper needs the inertia of all joints, and some joint moves no mass")
-    return {name: 1.0 / float(inverse[place].mean()) for name, place in places.items()}
-
-
 # ---- Where the joints of an MJCF file start: at a keyframe, or where the file places the bodies.
 
 
 HOME = "home"
 COORDINATES = {"free": 7, "ball": 4, "hinge": 1, "slide": 1}
-Start = Mapping[str, float | tuple[float, ...]]
 
 
 def start_of(bodies: Sequence[MjcfBody], root: MjcfElement) -> tuple[Start, str, list[str]]:
@@ -284,22 +163,6 @@ def start_of(bodies: Sequence[MjcfBody], root: MjcfElement) -> tuple[Start, str,
         text = f"line {chosen.line}: the velocities (qvel) of {title} are not used; the start is at rest."
         notes.append(Note(text, "changes"))
     return start, title, notes
-
-
-def reference_posture(bodies: Sequence[MjcfBody]) -> dict[str, float | tuple[float, ...]]:
-    """The positions of joints where the bodies are as the file places them, MuJoCo's qpos0."""
-    start: dict[str, float | tuple[float, ...]] = {}
-    for body in bodies:
-        for joint in body.joints:
-            if joint.kind == "free":
-                start[joint.name] = (*body.place[:3, 3].tolist(), *_turn(body.place))
-            else:
-                start[joint.name] = (0.0, 0.0, 0.0, 1.0) if joint.kind == "ball" else joint.ref
-    return start
-
-
-def _turn(place: Array) -> list[float]:
-    return [float(value) for value in Rotation.from_matrix(place[:3, :3]).as_quat()]
 
 
 def _quaternion(key: MjcfElement, values: Sequence[float]) -> tuple[float, ...]:

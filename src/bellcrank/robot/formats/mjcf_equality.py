@@ -14,12 +14,19 @@ from scipy.spatial.transform import Rotation
 
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
-from bellcrank.robot.formats.mjcf_bodies import WORLD, MjcfBody
+from bellcrank.robot.formats.mjcf_bodies import MOVING, MjcfBody, MjcfJoint
 from bellcrank.robot.formats.mjcf_element import MjcfElement
-from bellcrank.robot.formats.mjcf_joints import MOVING, MjcfJoint
-from bellcrank.robot.formats.mjcf_names import Names
 from bellcrank.robot.formats.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
-from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation, Loop, LoopKind
+from bellcrank.robot.formats.robot_file import (
+    WORLD,
+    FrameLoop,
+    FramePlace,
+    JointCoupling,
+    JointRelation,
+    Loop,
+    LoopKind,
+)
+from bellcrank.robot.formats.urdf_writing import Names
 
 Tendon = tuple[tuple[str, float], ...]  # (joint, coefficient) of a fixed tendon
 READ = ("connect", "weld", "joint", "tendon")

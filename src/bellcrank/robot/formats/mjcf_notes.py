@@ -9,8 +9,8 @@ from bellcrank.notes import Note, Omission
 from bellcrank.robot.formats.mjcf_bodies import MjcfBody
 from bellcrank.robot.formats.mjcf_element import MjcfElement
 from bellcrank.robot.formats.mjcf_meshes import MjcfMeshes
-from bellcrank.robot.formats.mjcf_names import listed
 from bellcrank.robot.formats.mjcf_urdf import Visuals
+from bellcrank.robot.formats.urdf_writing import listed
 
 PLACING = "name class childclass pos quat axisangle xyaxes zaxis euler user group"
 DRAWING = "material rgba fitscale hfield castshadow"

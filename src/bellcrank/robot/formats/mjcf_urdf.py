@@ -12,15 +12,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bellcrank.robot.formats.mjcf_bodies import MjcfBody
+from bellcrank.robot.formats.mjcf_bodies import MOVING, MjcfBody, MjcfJoint
 from bellcrank.robot.formats.mjcf_compiler import Defaults
 from bellcrank.robot.formats.mjcf_element import MjcfElement
-from bellcrank.robot.formats.mjcf_joints import MOVING, MjcfJoint
 from bellcrank.robot.formats.mjcf_meshes import MjcfMeshes
-from bellcrank.robot.formats.mjcf_names import Names
 from bellcrank.robot.formats.mjcf_placement import Array, placement, translation
 from bellcrank.robot.formats.mjcf_shapes import MjcfShape
-from bellcrank.robot.formats.urdf_writing import element, inertial_element, joint_element, numbers, shape_element
+from bellcrank.robot.formats.urdf_writing import Names, element, inertial_element, joint_element, numbers, shape_element
 from bellcrank.robot.formats.xml_tree import XmlElement
 
 TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "floating"}

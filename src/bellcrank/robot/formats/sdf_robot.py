@@ -18,14 +18,13 @@ import numpy as np
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.notes import Note
-from bellcrank.robot.formats.mjcf_names import Names
 from bellcrank.robot.formats.mjcf_placement import Array, inverse, roll_pitch_yaw, vector
 from bellcrank.robot.formats.robot_file import FileJointSpring, FrameLoop, FramePlace, LoopKind, RobotFile
 from bellcrank.robot.formats.sdf_joints import JointAxis, SdfJoint, turned
 from bellcrank.robot.formats.sdf_links import link_element
 from bellcrank.robot.formats.sdf_model import SdfModels
 from bellcrank.robot.formats.sdf_poses import WORLD
-from bellcrank.robot.formats.urdf_writing import element, joint_element, numbers
+from bellcrank.robot.formats.urdf_writing import Names, element, joint_element, numbers
 from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml
 
 NEAR = 1e-13  # m, and for entries of rotation matrices: equal placements

@@ -1,12 +1,14 @@
-"""Makes elements of a URDF, for the readers of other formats."""
+"""Makes elements of a URDF, and names for those without one, for the readers of other formats."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from bellcrank.robot.formats.mjcf_placement import Array, roll_pitch_yaw
+from bellcrank.robot.formats.robot_file import WORLD
 from bellcrank.robot.formats.xml_tree import XmlElement
 
+MOST_LISTED = 6  # names in one sentence
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -53,3 +55,31 @@ def origin(place: Array, line: int) -> XmlElement:
 def numbers(values: Iterable[float]) -> str:
     """Numbers as the value of an attribute, exactly, but no −0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+class Names:
+    """Names that are taken."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._taken = {WORLD, *taken}
+        self._counts: dict[str, int] = {}
+
+    def new(self, *wishes: str) -> str:
+        """The first wish that is free, else the last one with a number; it is taken then."""
+        for wish in wishes:
+            if wish not in self._taken:
+                self._taken.add(wish)
+                return wish
+        count = self._counts.get(wishes[-1], 1)
+        while f"{wishes[-1]}_{count + 1}" in self._taken:
+            count += 1
+        self._counts[wishes[-1]] = count + 1
+        found = f"{wishes[-1]}_{count + 1}"
+        self._taken.add(found)
+        return found
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names of several, and how many there are."""
+    more = f", … ({len(names)} in all)" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more

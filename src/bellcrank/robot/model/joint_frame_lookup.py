@@ -28,7 +28,7 @@ from bellcrank.robot.model.tree import Tree
 if TYPE_CHECKING:
     from bellcrank.robot.formats.robot_file import RobotFile
     from bellcrank.robot.formats.urdf_file import Urdf
-    from bellcrank.robot.model.load_options import LoadOptions
+    from bellcrank.robot.model.payload import LoadOptions
     from bellcrank.robot.model.robot_cache import RobotData
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from bellcrank.messages import unknown_name
 if TYPE_CHECKING:
     from bellcrank.robot.formats.urdf_elements import Vector3
     from bellcrank.robot.formats.urdf_file import Joint, Link, Urdf
-    from bellcrank.robot.model.load_options import LoadOptions
+    from bellcrank.robot.model.payload import LoadOptions
 
 LEAST_MASS = 2.3e-16  # kg: Pinocchio divides sums of inertias by their mass, or by the rounding of 1 where that is more
 FREE_BASE = "root_joint"  # what Pinocchio names the joint of a free base
