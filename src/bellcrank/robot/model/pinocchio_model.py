@@ -76,10 +76,9 @@ def model_frame_index(model: Any, name: str, kind: str) -> int:
 
 
 def plain_model(urdf: Urdf, floating_base: bool = False) -> Any:
-    """The links and joints alone, every joint one of its own.
+    """The links and joints alone, every joint one of its own; a limit that the file does not give is infinite.
 
-    As with Pinocchio's reader, joints are numbered depth first, children in the order of their joints' names, and a
-    frame of a link or joint has the number of its parent frame.
+    As with Pinocchio's reader, joints are numbered depth first, children in the order of their joints' names.
     """
     import pinocchio as pin
 
@@ -87,12 +86,11 @@ def plain_model(urdf: Urdf, floating_base: bool = False) -> Any:
     for joint in sorted(urdf.joints.values(), key=lambda joint: joint.name, reverse=True):
         below[joint.parent].append(joint)
     model = pin.Model()
-    frames = {urdf.root: 0}  # of links, by name
+    above = 0
     if floating_base:
-        frames[urdf.root] = model.addJointFrame(
-            model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), FREE_BASE), 0
-        )
-    frames[urdf.root] = _add_link(model, frames[urdf.root], urdf.links[urdf.root])
+        free = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), FREE_BASE)
+        above = model.addJointFrame(free, 0)
+    frames = {urdf.root: _add_link(model, above, urdf.links[urdf.root])}  # of links, by name
     waiting = list(below[urdf.root])
     while waiting:
         joint = waiting.pop()
@@ -110,7 +108,7 @@ def plain_model(urdf: Urdf, floating_base: bool = False) -> Any:
 
 
 def _add_joint(model: Any, joint: Joint, parent: int, place: Any) -> int:
-    """Add a joint; no limit is infinite, and components of unit vectors are at most 1.01 as with Pinocchio's reader."""
+    """Add a joint; components of unit vectors are limited to ±1.01, as in Pinocchio's reader."""
     made = _joint_model(joint)
     effort, velocity = np.full((2, made.nv), math.inf)
     lower, upper = np.full(made.nq, -math.inf), np.full(made.nq, math.inf)
@@ -208,14 +206,11 @@ def _with_mimics(model: Any, urdf: Urdf) -> Any:
 
 
 def _give_links_their_inertia(model: Any, urdf: Urdf) -> None:
-    """Keep each link's own inertia with its frame: Pinocchio's reader keeps only the sum over a joint's links."""
+    """Keep each link's own inertia with its frame, as the model has only the sum over a joint's links."""
     import pinocchio as pin
 
     for frame in model.frames:
-        frame.inertia = pin.Inertia.Zero()
-        link = urdf.links.get(frame.name) if frame.type == pin.FrameType.BODY else None
-        if link is not None and link.inertial is not None:
-            i = link.inertial
+        if frame.type == pin.FrameType.BODY and (i := urdf.links[frame.name].inertial) is not None:
             turn = pin.rpy.rpyToMatrix(*i.rpy)
             frame.inertia = body_inertia(i.mass, np.array(i.xyz), turn @ _matrix(i.inertia) @ turn.T)
 
