@@ -81,7 +81,9 @@ def placement(position: Array, rotation: Rotation) -> Array:
 
 def translation(position: Array) -> Array:
     """A placement (4, 4) without rotation."""
-    return placement(position, Rotation.identity())
+    result = np.eye(4)
+    result[:3, 3] = position
+    return result
 
 
 def inverse(place: Array) -> Array:

@@ -92,7 +92,8 @@ def _inertial(body: MjcfBody) -> Iterator[XmlElement]:
     own = body.inertia
     if own.mass != 0.0 or own.inertia.any():
         i = (own.inertia + own.inertia.T) / 2.0
-        yield inertial_element(own.mass, translation(own.center), i[np.triu_indices(3)], body.element.line)
+        line = body.element.line
+        yield inertial_element(own.mass, element("origin", line, xyz=numbers(own.center)), i[np.triu_indices(3)], line)
 
 
 class Visuals:

@@ -13,7 +13,7 @@ from bellcrank.robot.formats.mjcf_placement import Array, inverse
 from bellcrank.robot.formats.sdf_model import SdfLink
 from bellcrank.robot.formats.sdf_poses import Fail, Frames, number, read_pose, text_of
 from bellcrank.robot.formats.sdf_poses import numbers as numbers_of
-from bellcrank.robot.formats.urdf_writing import ENTRIES, element, inertial_element, numbers, shape_element
+from bellcrank.robot.formats.urdf_writing import ENTRIES, element, inertial_element, numbers, origin, shape_element
 from bellcrank.robot.formats.xml_tree import XmlElement
 
 
@@ -45,7 +45,7 @@ def _inertial(link: SdfLink, where: str, frames: Frames, fail: Fail, notes: list
     place = _placed(link, inertial, where, frames, fail)
     given = inertial.find("inertia") or XmlElement("inertia", {}, inertial.line)
     values = [number(given, name, float(name in ("ixx", "iyy", "izz")), where, fail) for name in ENTRIES]
-    return inertial_element(mass, place, values, inertial.line)
+    return inertial_element(mass, origin(place, inertial.line), values, inertial.line)
 
 
 def _placed(link: SdfLink, element: XmlElement, where: str, frames: Frames, fail: Fail) -> Array:

@@ -132,13 +132,12 @@ def numbers(element: XmlElement, where: str, fail: Fail, infinite: bool = False)
     """The numbers in the text of an element, finite unless `infinite`. Raises InputError."""
     found = []
     for word in element.text.split():
-        bare = word.lower().lstrip("+-")
-        if infinite and bare in ("inf", "infinity"):
-            found.append(-math.inf if word.startswith("-") else math.inf)
-            continue
-        if not NUMBER.fullmatch(word) or not (infinite or abs(float(word)) <= LARGEST):
+        value = float(word) if NUMBER.fullmatch(word) else math.nan
+        if infinite and word.lower().lstrip("+-") in ("inf", "infinity"):
+            value = -math.inf if word.startswith("-") else math.inf
+        if not abs(value) <= (math.inf if infinite else LARGEST):
             raise fail(f"line {element.line}: {where}: expected numbers of at most {LARGEST:g}, found {word[:40]!r}")
-        found.append(float(word))
+        found.append(value)
     return tuple(found)
 
 

@@ -27,6 +27,7 @@ from bellcrank.robot.formats.sdf_poses import WORLD
 from bellcrank.robot.formats.urdf_writing import Names, element, joint_element, numbers
 from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml
 
+IDENTITY = np.eye(4)
 NEAR = 1e-13  # m, and for entries of rotation matrices: equal placements
 LOOPS: dict[str, LoopKind] = {
     "revolute": "hinge", "continuous": "hinge", "spherical": "point", "fixed": "weld", "universal": "universal",
@@ -114,15 +115,15 @@ class _Builder:
         """The placement of a frame in another one where all joints are at 0."""
         pose = self.models.frames.pose
         place = inverse(pose(inside)) @ pose(name)
-        return np.eye(4) if np.abs(place - np.eye(4)).max() <= NEAR else np.asarray(place)
+        return IDENTITY if np.abs(place - IDENTITY).max() <= NEAR else np.asarray(place)
 
     def _tree_parts(self) -> Iterator[XmlElement]:
         """The joints from the base on, and links between."""
         root = self.base
-        place = np.eye(4) if root == WORLD else self._place(root, WORLD)
+        place = IDENTITY if root == WORLD else self._place(root, WORLD)
         if root == WORLD:
             yield element("link", 1, name=WORLD)
-        elif not np.array_equal(place, np.eye(4)):  # the base link keeps its place in the world
+        elif not np.array_equal(place, IDENTITY):  # the base link keeps its place in the world
             root = self.names.new(self.models.name)
             yield element("link", 1, name=root)
             yield self._fixed(root, self.base, place, 1)
@@ -169,7 +170,7 @@ class _Builder:
             )
         rest = self._place(other, joint.name)
         child = other
-        if not np.array_equal(rest, np.eye(4)):
+        if not np.array_equal(rest, IDENTITY):
             child = self.names.new(f"{joint.name}_child")
             yield element("link", joint.line, name=child)
         axes = tuple(
@@ -260,7 +261,7 @@ def joint_elements(joint: SdfJoint, parent: str, child: str, place: Array, links
         yield element("link", line, name=cross)
         for k, (axis, ends) in enumerate(zip(axes, ((parent, cross), (cross, child)), strict=True), 1):
             single = replace(joint, name=f"{joint.name}_{k}", type="revolute", axes=(axis,))
-            yield from joint_elements(single, *ends, place if k == 1 else np.eye(4), links)
+            yield from joint_elements(single, *ends, place if k == 1 else IDENTITY, links)
         return
     kind = joint.type
     if kind == "revolute" and axes[0].lower is None and axes[0].upper is None:

@@ -14,9 +14,8 @@ ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 def element(tag: str, line: int, *children: XmlElement, **attributes: str | float | None) -> XmlElement:
     """An element that stands for one in this line of the file; numbers are written exactly, None is left out."""
-    given = {key: value for key, value in attributes.items() if value is not None}
-    texts = {key: value if isinstance(value, str) else repr(value) for key, value in given.items()}
-    return XmlElement(tag, texts, line, list(children))
+    texts = {k: v if isinstance(v, str) else repr(v) for k, v in attributes.items() if v is not None}
+    return XmlElement(tag, texts, line, [*children])
 
 
 def joint_element(
@@ -34,11 +33,11 @@ def joint_element(
     return element("joint", line, *ends, origin(place, line), *parts, name=name, type=kind, pitch=pitch)
 
 
-def inertial_element(mass: float, place: Array, entries: Iterable[float], line: int) -> XmlElement:
-    """Mass (kg) at a placement (4, 4) in the link, and the six ENTRIES (kg m²) in its axes."""
+def inertial_element(mass: float, at: XmlElement, entries: Iterable[float], line: int) -> XmlElement:
+    """Mass (kg), the <origin> of its centre, and the six ENTRIES (kg m²) in its axes."""
     inertia = dict(zip(ENTRIES, map(float, entries), strict=True))
     parts = element("mass", line, value=float(mass)), element("inertia", line, **inertia)
-    return element("inertial", line, origin(place, line), *parts)
+    return element("inertial", line, at, *parts)
 
 
 def shape_element(tag: str, place: Array, solid: XmlElement, rgba: str, line: int) -> XmlElement:
@@ -49,7 +48,7 @@ def shape_element(tag: str, place: Array, solid: XmlElement, rgba: str, line: in
 
 def origin(place: Array, line: int) -> XmlElement:
     """A placement (4, 4) as an <origin>."""
-    return element("origin", line, xyz=numbers(place[:3, 3]), rpy=numbers(roll_pitch_yaw(place[:3, :3])))
+    return element("origin", line, xyz=numbers(place[:3, 3].tolist()), rpy=numbers(roll_pitch_yaw(place[:3, :3])))
 
 
 def numbers(values: Iterable[float]) -> str:
