@@ -34,8 +34,7 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.formats.file_readers import READERS, root_tag
 from bellcrank.robot.formats.gepetto_file import read_gepetto, without_motor
-from bellcrank.robot.formats.robot_file import relation_text
-from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation
+from bellcrank.robot.formats.robot_file import FrameLoop, FramePlace, JointCoupling, JointRelation, relation_text
 from bellcrank.robot.formats.xml_tree import read_text
 from bellcrank.robot.load import default_options, robot_of
 from bellcrank.robot.robot import Robot

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
 from bellcrank._step import SampleCall
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
@@ -23,7 +23,6 @@ from bellcrank.robot.model.robot_cache import robot_data
 
 __all__ = ["BLOCK_NUMBERS", "LARGEST_WHOLE", "Robot", "RobotJoint"]
 
-Array = NDArray[np.float64]
 LARGEST_WHOLE = 60  # joints up to which the mass matrix is one expression
 BLOCK_NUMBERS = 4_000_000  # of mass matrices in memory at a time
 

@@ -17,7 +17,7 @@ from bellcrank.replays.geometry.meshes import Detail, Meshes, load_meshes
 from bellcrank.replays.geometry.placeholder_shapes import LinkLayout, inertia_box, placeholder_shapes, pose, transform
 from bellcrank.replays.geometry.shapes import GREY, Colour, DrawnBody, DrawnShape, Pose, Textures, clip_colour
 from bellcrank.robot.formats.mesh_path import find_mesh, looked_for
-from bellcrank.robot.formats.xml_tree import XmlElement, parse_xml
+from bellcrank.robot.formats.xml_tree import XmlElement
 
 if TYPE_CHECKING:
     from bellcrank.robot.robot import Robot

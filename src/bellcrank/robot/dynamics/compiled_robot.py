@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import cached_property
 from bellcrank.codegen.compile import Compiled, compiled
 from bellcrank.errors import InputError
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.model.payload import LoadOptions
     from bellcrank.robot.model.robot_cache import RobotData
 
-Array = NDArray[np.float64]
 _DOUBLE = np.dtype(np.float64)
 QVA, QVTAU = ("q", "v", "a"), ("q", "v", "tau")
 NO_PARAMETERS: Array = np.zeros(0)

@@ -11,15 +11,13 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.robot.model.traced_tree import SCALE, setting, trace_tree
 from bellcrank.robot.model.tree import Tree, TreeJoint
 
 if TYPE_CHECKING:
     import casadi
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.codegen.compile import Compiled
 from bellcrank.errors import InputError
 from bellcrank.robot.dynamics.compiled_robot import QVA, QVTAU, CompiledRobot, all_finite
@@ -20,8 +20,6 @@ from bellcrank.robot.model.traced_tree import setting
 
 if TYPE_CHECKING:
     import casadi
-
-Array = NDArray[np.float64]
 
 
 class InverseDynamicsDerivatives(NamedTuple):

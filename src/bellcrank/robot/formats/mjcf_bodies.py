@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.robot.formats.mjcf_compiler import Compiler, Defaults
 from bellcrank.robot.formats.mjcf_element import MjcfElement
-from bellcrank.robot.formats.mjcf_placement import Array
 from bellcrank.robot.formats.mjcf_shapes import (
     NOTHING,
     SIZES,

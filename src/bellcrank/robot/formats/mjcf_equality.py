@@ -12,11 +12,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.messages import unknown_name
 from bellcrank.notes import Note
 from bellcrank.robot.formats.mjcf_bodies import MOVING, MjcfBody, MjcfJoint
 from bellcrank.robot.formats.mjcf_element import MjcfElement
-from bellcrank.robot.formats.mjcf_placement import Array, inverse, placement, roll_pitch_yaw, translation, vector
+from bellcrank.robot.formats.mjcf_placement import inverse, placement, roll_pitch_yaw, translation, vector
 from bellcrank.robot.formats.robot_file import (
     WORLD,
     FrameLoop,

@@ -18,12 +18,13 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.files.access import FileAccess, read_bytes
 from bellcrank.messages import format_value, unknown_name
 from bellcrank.robot.formats.mesh_path import find_mesh
 from bellcrank.robot.formats.mjcf_compiler import Compiler, Defaults
 from bellcrank.robot.formats.mjcf_element import MjcfElement
-from bellcrank.robot.formats.mjcf_placement import Array, inverse, placement
+from bellcrank.robot.formats.mjcf_placement import inverse, placement
 
 MODES: Final = ("legacy", "exact", "convex", "shell")
 _HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL file

@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.robot.formats.mjcf_element import MjcfElement
 from bellcrank.robot.formats.urdf_elements import Vector3
 
-Array = NDArray[np.float64]
 NOTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 TINY = 1e-14  # MuJoCo's least length of a vector that is normalised (mjMINVAL 1e-15 squared is below this)
 

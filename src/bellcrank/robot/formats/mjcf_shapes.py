@@ -12,11 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.messages import unknown_name
 from bellcrank.robot.formats.mjcf_compiler import Compiler
 from bellcrank.robot.formats.mjcf_element import MjcfElement
 from bellcrank.robot.formats.mjcf_meshes import MjcfMeshes
-from bellcrank.robot.formats.mjcf_placement import Angles, Array, placement, z_to
+from bellcrank.robot.formats.mjcf_placement import Angles, placement, z_to
 
 SIZES: Final = {  # numbers of a shape's size, without and with `fromto`
     "sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1), "plane": (0, 0),

@@ -12,11 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.robot.formats.mjcf_bodies import MOVING, MjcfBody, MjcfJoint
 from bellcrank.robot.formats.mjcf_compiler import Defaults
 from bellcrank.robot.formats.mjcf_element import MjcfElement
 from bellcrank.robot.formats.mjcf_meshes import MjcfMeshes
-from bellcrank.robot.formats.mjcf_placement import Array, placement, translation
+from bellcrank.robot.formats.mjcf_placement import placement, translation
 from bellcrank.robot.formats.mjcf_shapes import MjcfShape
 from bellcrank.robot.formats.urdf_writing import Names, element, inertial_element, joint_element, numbers, shape_element
 from bellcrank.robot.formats.xml_tree import XmlElement

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.messages import unknown_name
-from bellcrank.robot.formats.mjcf_placement import Array
 from bellcrank.robot.formats.sdf_poses import Fail, number, numbers
 from bellcrank.robot.formats.xml_tree import XmlElement
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bellcrank.robot.formats.mjcf_placement import Array, inverse
+from bellcrank.arrays import Array
+from bellcrank.robot.formats.mjcf_placement import inverse
 from bellcrank.robot.formats.sdf_model import SdfLink
 from bellcrank.robot.formats.sdf_poses import Fail, Frames, number, read_pose, text_of
 from bellcrank.robot.formats.sdf_poses import numbers as numbers_of

@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
-from bellcrank.robot.formats.mjcf_placement import Array, inverse, placement
+from bellcrank.robot.formats.mjcf_placement import inverse, placement
 from bellcrank.robot.formats.urdf_elements import NUMBER
 from bellcrank.robot.formats.xml_tree import XmlElement
 

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.notes import Note
-from bellcrank.robot.formats.mjcf_placement import Array, inverse, roll_pitch_yaw, vector
+from bellcrank.robot.formats.mjcf_placement import inverse, roll_pitch_yaw, vector
 from bellcrank.robot.formats.robot_file import FileJointSpring, FrameLoop, FramePlace, LoopKind, RobotFile
 from bellcrank.robot.formats.sdf_joints import JointAxis, SdfJoint, turned
 from bellcrank.robot.formats.sdf_links import link_element

@@ -11,15 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bellcrank.arrays import Array
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 from bellcrank.robot.formats.robot_file import FileJointSpring, FrameBushing, FrameLoop, FramePlace, FrameSpring
 from bellcrank.robot.formats.urdf_elements import NUMBER, Vector3, attribute_number, attribute_vector
 from bellcrank.robot.formats.xml_tree import XmlElement
 
-Array = NDArray[np.float64]
 Fail = Callable[[str], InputError]
 BALL, SPRING, BUSHING = "drake:ball_constraint", "drake:linear_spring_damper", "drake:linear_bushing_rpy"
 UNUSED = ("drake:collision_filter_group",)  # of Drake's, without effect on the motion

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from bellcrank.robot.formats.mjcf_placement import Array, roll_pitch_yaw
+from bellcrank.arrays import Array
+from bellcrank.robot.formats.mjcf_placement import roll_pitch_yaw
 from bellcrank.robot.formats.robot_file import WORLD
 from bellcrank.robot.formats.xml_tree import XmlElement
 

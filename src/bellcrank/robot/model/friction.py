@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.robot.model.joints import JointMimic, RobotJoint, joint_named, require_uniform
 
-Array = NDArray[np.float64]
 Friction = str | Mapping[str, tuple[float, float]]
 FRICTION_WIDTH = 1e-3  # rad/s or m/s: Coulomb friction is at 71 % of its value at this speed
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array
 from bellcrank.cached_values import Portable, cached_property
 from bellcrank.codegen import cache as disk
 from bellcrank.errors import InputError
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from bellcrank.robot.formats.urdf_file import Urdf
     from bellcrank.robot.model.payload import LoadOptions
     from bellcrank.robot.model.robot_cache import RobotData
-
-Array = NDArray[np.float64]
 
 
 class RobotDescription(Portable):

@@ -12,17 +12,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bellcrank import arguments
+from bellcrank.arrays import Array, Mask
 from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
     from bellcrank.robot.model.joint_frame_lookup import RobotDescription
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 KINDS = {  # (nq, nv) by kind of joint
     "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "planar": (4, 3), "spherical": (4, 3), "floating": (7, 6),
 }  # fmt: skip
