@@ -7,8 +7,6 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-import casadi
-
 from bellcrank.config.fields import Fields
 from bellcrank.elements.element import (
     ANY,
@@ -28,6 +26,8 @@ from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.symbols import Symbols
     from bellcrank.motion.motion import Motion
 

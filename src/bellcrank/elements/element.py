@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array
@@ -31,6 +30,8 @@ from bellcrank.errors import InputError
 from bellcrank.messages import format_value, unknown_name
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.expression import Expression, Term
     from bellcrank.elements.symbols import Symbols
     from bellcrank.robot.robot import Robot, RobotJoint

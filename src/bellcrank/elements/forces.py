@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
-import casadi
 import numpy as np
 
 from bellcrank.config.fields import Fields
@@ -24,6 +23,8 @@ from bellcrank.numerics import length
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.symbols import Symbols
 
 

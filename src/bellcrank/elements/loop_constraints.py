@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Self
 
-import casadi
 import numpy as np
 
 from bellcrank.config.fields import Fields
@@ -15,6 +14,8 @@ from bellcrank.numerics import LARGEST, length
 from bellcrank.robot.robot import Robot
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.symbols import FrameSymbols, Symbols
 
 

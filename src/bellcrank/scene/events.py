@@ -22,8 +22,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-import casadi
-
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import joint_unit, read_joint
@@ -35,6 +33,8 @@ from bellcrank.messages import unknown_name
 from bellcrank.robot.robot import Robot, RobotJoint
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.scene.output_quantities import EquationSymbols
 
 

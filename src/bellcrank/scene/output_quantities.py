@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
-import casadi
-
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.element import AuxiliaryStates, Force, joint_unit
 from bellcrank.elements.expression import Expression
@@ -14,6 +12,8 @@ from bellcrank.elements.rolling_constraint import RollingDisk
 from bellcrank.robot.robot import RobotJoint
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.symbols import Symbols
 
 JOINT_WHAT: Final = ("position", "velocity", "acceleration", "torque")

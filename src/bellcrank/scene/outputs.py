@@ -23,8 +23,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import casadi
-
 from bellcrank.config.fields import Fields
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.drives import Drive
@@ -57,6 +55,8 @@ from bellcrank.scene.output_quantities import (
 )
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.scene.output_quantities import EquationSymbols
 
 

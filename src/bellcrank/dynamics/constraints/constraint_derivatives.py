@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import casadi
-
 from bellcrank.dynamics.equations.base_frame_elimination import BaseRotation
 from bellcrank.elements.constraint import Constraint
 from bellcrank.elements.loop_constraints import Hinge, Weld
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.elements.symbols import Symbols
     from bellcrank.scene.scene import Scene
 

@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, Self
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array, Mask
@@ -41,6 +40,8 @@ from bellcrank.errors import InputError
 from bellcrank.numerics import checked, svd
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.dynamics.constraints.constraint_derivatives import ConstraintDerivatives
 
 

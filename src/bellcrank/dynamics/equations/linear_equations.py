@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array
@@ -40,6 +39,8 @@ from bellcrank.errors import InputError
 from bellcrank.scene.output_quantities import EquationSymbols
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.codegen.compile import Compiled
     from bellcrank.elements.signals import Signal
     from bellcrank.scene.scene import Scene

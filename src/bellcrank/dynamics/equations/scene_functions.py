@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import casadi
-
 from bellcrank import arguments
 from bellcrank.arrays import Array
 from bellcrank.dynamics.equations.assembly import assemble
@@ -19,6 +17,8 @@ from bellcrank.files.access import Trust
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import casadi
 
     from bellcrank.robot.robot import Robot
     from bellcrank.scene.scene import Scene

@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array
@@ -35,6 +34,8 @@ from bellcrank.elements.joint_constraints import PrescribedMotion
 from bellcrank.elements.symbols import Symbols
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.codegen.compile import Compiled
     from bellcrank.robot.robot import RobotJoint
     from bellcrank.scene.scene import Scene

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array
@@ -25,6 +24,8 @@ from bellcrank.replays.geometry.placeholder_shapes import LinkLayout
 from bellcrank.replays.geometry.shapes import DrawnBody
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.codegen.compile import Compiled
     from bellcrank.elements.parameters import Parameter
     from bellcrank.elements.symbols import Symbols

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-import casadi
 import numpy as np
 
 from bellcrank.arrays import Array
@@ -32,6 +31,8 @@ from bellcrank.sizing.loads.motion_grid import FINEST, grid_along
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import casadi
 
     from bellcrank.robot.robot import Robot
 

@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import casadi
 import numpy as np
 
 from bellcrank.actuators.mount import Mount
@@ -30,6 +29,8 @@ from bellcrank.errors import InputError
 from bellcrank.messages import unknown_name
 
 if TYPE_CHECKING:
+    import casadi
+
     from bellcrank.dynamics.inverse.mechanism import Mechanism
     from bellcrank.elements.parameters import Parameter
     from bellcrank.robot.model.tree import TreeJoint
