@@ -3,20 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from bellcrank.arrays import Array
 from bellcrank.commands.options import add_page, add_trust, page_of
-from bellcrank.dynamics.constraints.mobility import mobility
-from bellcrank.dynamics.postures.consistent_start import (
-    consistent_start,
-    given_posture,
-    start_failure,
-    starts_further_away,
-)
-from bellcrank.dynamics.postures.start_diagnosis import Gap
 from bellcrank.errors import InputError
 from bellcrank.files.access import FileAccess
 from bellcrank.files.atomic_write import default_place
@@ -25,61 +14,7 @@ from bellcrank.robot.checks.check import check_urdf, format_findings
 from bellcrank.robot.formats.file_readers import read_robot_file
 from bellcrank.robot.formats.xml_tree import parse_xml, read_text
 
-if TYPE_CHECKING:
-    from bellcrank.replays.film.film import Film
-    from bellcrank.scene.scene import Scene
-
 CONFIGURATIONS = (".yaml", ".yml")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MechanismCheck:
-    """Facts about a mechanism, and the posture that shows it.
-
-    Attributes:
-        scene: The mechanism.
-        posture: Its start (nq,), or the position with the smallest gaps that was found.
-        facts: (name, sentence), the result first; an "error" means that there is no start.
-        gaps: The constraints that are not satisfied at the posture.
-    """
-
-    scene: Scene
-    posture: Array
-    facts: tuple[tuple[str, str], ...]
-    gaps: tuple[Gap, ...] = ()
-
-    @property
-    def has_start(self) -> bool:
-        """Whether there is a consistent start."""
-        return not any(name == "error" for name, _ in self.facts)
-
-    def __str__(self) -> str:
-        return "\n".join(f"  {name:<8} {text}" for name, text in self.facts)
-
-    def film(self) -> Film:
-        """The robot at the posture, with its gaps."""
-        from bellcrank.replays.film.posture_films import film_of_start
-
-        return film_of_start(self.scene, self.posture, self.gaps, self.facts)
-
-
-def check_mechanism(scene: Scene) -> MechanismCheck:
-    """Search the start of a scene and look at its mobility. Raises InputError where constraints are invalid."""
-    failure = start_failure(scene)
-    if failure is not None:
-        facts = [("error", "no start was found that satisfies the constraints")]
-        facts += [("gaps", text) for text in failure.sentences()]
-        return MechanismCheck(scene=scene, posture=failure.posture, facts=tuple(facts), gaps=failure.gaps)
-    try:
-        q, _ = consistent_start(scene)
-    except InputError as error:  # of velocities, or where rows are undefined
-        text = str(error).removeprefix(f"{scene.source}: ")
-        return MechanismCheck(scene=scene, posture=given_posture(scene), facts=(("error", text),))
-    away = "a consistent start was found"
-    if starts_further_away(scene):
-        away += ", but not near the given posture: another branch may be meant; write guesses nearer to it ({guess: …})"
-    facts = [("start", away), *(("mobility", line) for line in str(mobility(scene)).splitlines())]
-    return MechanismCheck(scene=scene, posture=q, facts=tuple(facts))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -151,6 +86,7 @@ def _check(path: Path, page: Path | None, trust: list[str], configuration: Path 
 
 def _check_mechanism(path: Path, page: Path | None, trust: list[str]) -> int:
     """Print what is found about the mechanism of a file and write its page; 1 where it has no start."""
+    from bellcrank.reports.mechanism_check import check_mechanism
     from bellcrank.scene.scene import load_scene
 
     checked = check_mechanism(load_scene(path, trust=trust))
