@@ -107,7 +107,7 @@ def peak_curves(motors: MotorArrays, conditions: Conditions) -> Curves:
 def curve_use(curves: Curves, torque: Array, speed: Array) -> Array:
     """The use of the region below curves of torque over speed, along the ray from the origin; NaN without a curve.
 
-    The region is star-shaped about the origin (`row_checks.torque_speed_curve`), so a point is inside exactly where
+    The region is star-shaped about the origin (`product_checks.torque_speed_curve`), so a point is inside exactly where
     its use is at most 1.
 
     Args:

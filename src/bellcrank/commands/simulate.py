@@ -170,10 +170,10 @@ def _others(
     if arguments.csv:
         yield folder / "run.csv", csv
     if result.sensitivities:
-        from bellcrank.simulation.files.run_csv import write_csv, write_npz
+        from bellcrank.simulation.files.run_csv import write_npz, write_sensitivities_csv
 
         found = [result.sensitivity(name) for name in result.sensitivities]
-        yield folder / "sensitivities.csv", partial(write_csv, found)
+        yield folder / "sensitivities.csv", partial(write_sensitivities_csv, found)
         yield folder / "sensitivities.npz", partial(write_npz, found)
     if not arguments.no_plots:
         from bellcrank.simulation.trajectory.run_plot import plot_run

@@ -167,9 +167,9 @@ class Sizing(Portable, WithNotes, Result):
         return sizing_data(self)
 
     def _rows(self) -> list[Sequence[object]]:
-        from bellcrank.sizing.sizing_files import csv_rows
+        from bellcrank.sizing.sizing_files import sizing_rows
 
-        return csv_rows(self)
+        return sizing_rows(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None, motion: str | None = None) -> Figure:
         """Draw the sizing.

@@ -253,7 +253,7 @@ def _actuator_document(actuator: Actuator) -> dict[str, Any]:
 # ---- The file sizing.csv: one line a joint, motor or constraint, with units in the header.
 
 
-def csv_rows(sizing: Sizing) -> list[Sequence[object]]:
+def sizing_rows(sizing: Sizing) -> list[Sequence[object]]:
     """The rows of sizing.csv, first its header with units.
 
     One is of a joint with a motor, then one of a motor of a coupled transmission, then one of a constraint or a joint

@@ -28,7 +28,7 @@ def read_robot_file(
         xacro_args: Values of the arguments (<xacro:arg>) of a xacro file, by name.
 
     Returns:
-        The contents. A URDF is not checked here but by `Urdf.from_text`.
+        The contents. A URDF is not checked here but by `Urdf.of`.
 
     Raises:
         InputError: The file cannot be read, or its reader refuses it; the message names file, line and element.

@@ -83,7 +83,7 @@ def torque_unit(kind: str) -> str:
     return "N" if kind == "prismatic" else "N m"
 
 
-def write_csv(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path:
+def write_sensitivities_csv(sensitivities: Sequence[RunSensitivity], path: str | Path) -> Path:
     """Write `derivative_columns`, atomically; returns the path. Raises InputError where it cannot be written."""
     labels, rows = derivative_columns(sensitivities)
     return write_table(path, labels, iter([rows]))

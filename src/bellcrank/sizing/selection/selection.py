@@ -270,9 +270,9 @@ class Selection(Portable, WithNotes, Result):
         return selection_data(self)
 
     def _rows(self) -> list[Sequence[object]]:
-        from bellcrank.sizing.selection.selection_files import csv_rows
+        from bellcrank.sizing.selection.selection_files import selection_rows
 
-        return csv_rows(self)
+        return selection_rows(self)
 
     def plot(self, path: str | Path | None = None, what: str | None = None) -> Figure:
         """Draw the selection.

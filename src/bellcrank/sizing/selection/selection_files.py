@@ -55,7 +55,7 @@ def earlier_files(folder: str | Path) -> list[str]:
     return json_files.listed_files(Path(folder) / "selection.json", _OURS)
 
 
-def csv_rows(selection: Selection) -> list[Sequence[object]]:
+def selection_rows(selection: Selection) -> list[Sequence[object]]:
     """The rows of selection.csv, first its header: one an axis and candidate; cells of what is unknown are empty."""
     names = _criterion_names(selection)
     rows = [
