@@ -305,13 +305,13 @@ class Scene(Portable):
 
         return digest(self.robot.key, self.physics_key(), sources())
 
-    @property
+    @cached_property
     def elements(self) -> tuple[Element, ...]:
         """The forces, controllers and constraints, what gears and rotors hold, and joints that these hold."""
         own = (*self._rotor_friction, *self.gear_contacts)
         return (*self.forces, *self.control, *self.constraints, *own, *self._resting_joints)
 
-    @property
+    @cached_property
     def dry_friction(self) -> tuple[DryFriction, ...]:
         """The dry friction of joints and pins, which is among the forces."""
         return tuple(part for part in self.forces if isinstance(part, DryFriction))
@@ -323,21 +323,21 @@ class Scene(Portable):
         """
         return tuple(part for part in self.elements if isinstance(part, DryFriction | JointStop | RestingJoint))
 
-    @property
+    @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """The drives of actuators with a `model`, which are among the controllers."""
         return tuple(part for part in self.control if isinstance(part, Drive))
 
-    @property
+    @cached_property
     def supply(self) -> Supply | None:
         """The supply of the drives, which is among the forces; None: their bus keeps its voltage."""
         return next((part for part in self.forces if isinstance(part, Supply)), None)
 
-    @property
+    @cached_property
     def _rotor_friction(self) -> tuple[RotorFriction, ...]:
         return tuple(drive.friction for drive in self.drives if drive.friction is not None)
 
-    @property
+    @cached_property
     def _resting_joints(self) -> tuple[RestingJoint, ...]:
         """The joints of a closed linkage with dry friction, and those behind rigid gears with backlash and rotors with
         friction, that have none of their own.
@@ -355,13 +355,13 @@ class Scene(Portable):
         rotors = {f"{part.joint.name} rotor": part for part in self._rotor_friction}
         return {part.held: part for part in self.dry_friction} | rotors
 
-    @property
+    @cached_property
     def auxiliary_states(self) -> tuple[AuxiliaryStates, ...]:
         """The states of elements besides positions and velocities, in the order in which they follow these in x."""
         found = [states for part in self.elements if (states := part.auxiliary) is not None]
         return (*found, *(work.states for work in self.works))
 
-    @property
+    @cached_property
     def works(self) -> tuple[WorkOutput, ...]:
         """The outputs of work, which the solver integrates."""
         return tuple(o.quantity for o in self.outputs.values() if isinstance(o.quantity, WorkOutput))
@@ -371,7 +371,7 @@ class Scene(Portable):
         """The rigid stops of joints, which are among the forces."""
         return tuple(part for part in self.forces if isinstance(part, JointStop))
 
-    @property
+    @cached_property
     def gear_contacts(self) -> tuple[GearContact, ...]:
         """The flanks of rigid gears with backlash."""
         return tuple(drive.contact for drive in self.drives if drive.contact is not None)
@@ -427,7 +427,7 @@ class Scene(Portable):
         found = [part.source for part in self.elements]
         return (*dict.fromkeys(source for source in found if source is not None), *self.held_sources)
 
-    @property
+    @cached_property
     def held_sources(self) -> tuple[HeldSource, ...]:
         """The last of them: entries of u that a run finds (elements/element.py).
 
