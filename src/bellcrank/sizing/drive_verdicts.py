@@ -314,7 +314,7 @@ class DriveJudging:
         drives, of_robot = self.drives, self.conditions or Conditions()
         if not drives:
             return DriveVerdicts(drives=())
-        found = self._model.along(self.motions, self.duty, drives, self.mass_tolerance)
+        found = self._model.along(self.motions, self.duty, drives, self.mass_tolerance, other_masses=False)
         loads = [one for one in reduce_loads(found.axes, found.cycles) if one.axis.name in drives]
         system: tuple[CriterionResult, ...] = ()
         if len(loads) == len(found.axes) and _has_bus(drives.values(), of_robot):

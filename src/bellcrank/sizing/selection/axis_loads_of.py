@@ -121,8 +121,9 @@ class AxisModel:
         drives: Mapping[str, Actuator] | None = None,
         mass_tolerance: float = 0.0,
         added: Mapping[str, AddedMass] | None = None,
+        other_masses: bool = True,
     ) -> AxisLoads:
-        """The loads of each cycle: see `axis_loads`."""
+        """The loads of each cycle: see `axis_loads`; without `other_masses` those of the given masses alone."""
         model, names = self.model, [axis.name for axis in self.axes]
         mechanism = model.mechanism
         changes = {
@@ -139,7 +140,7 @@ class AxisModel:
             lambda *states: model.laden_torques(States(*states), changes),
             _shafts(given, model.coordinates),
         )
-        terms = tuple(_terms(model, plan, names) for plan in plans)
+        terms = tuple(_terms(model, plan, names, other_masses) for plan in plans)
         cycles = tuple(_cycle(model, plan, each.samples) for plan, each in zip(plans, terms, strict=True))
         if mass_tolerance:
             cycles = tuple(
@@ -222,13 +223,13 @@ def _included(mount: Mount | None) -> AddedMass:
     )
 
 
-def _terms(model: LoadModel, plan: PlannedCycle, names: Sequence[str]) -> CycleTerms:
-    """The loads of all parts of a cycle, one after the other."""
+def _terms(model: LoadModel, plan: PlannedCycle, names: Sequence[str], other_masses: bool) -> CycleTerms:
+    """The loads of all parts of a cycle, one after the other, and with `other_masses` what bodies would change."""
     samples, bodies = [], []
     with np.errstate(all="ignore"):  # what overflows or is not a number is refused, with its place
         for part in plan.parts:
             samples.append(model.loads(part.states))
-            bodies.append(model.unit_bodies(part.states))
+            bodies.append(model.unit_bodies(part.states) if other_masses else ())
     whole = AxisLoadSamples(*(np.concatenate(each) for each in zip(*samples, strict=True)))
     time = np.concatenate([part.time for part in plan.parts])
     quantities = {"torque": whole.torque, "static torque": whole.static_torque, "inertia": whole.inertia}
