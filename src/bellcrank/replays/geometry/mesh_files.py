@@ -1,5 +1,7 @@
 """Mesh files as triangles: STL and OBJ read here, COLLADA with its colours by pycollada, all within limits of size.
 
+trimesh reads these formats without limits of size and time.
+
 The checks of COLLADA count elements, depth, textures and instances of nodes: a few lines of nodes that each instantiate
 the next one twice describe a scene of any size.
 """

@@ -1,7 +1,8 @@
 """Mesh simplification by collapsing edges in the order of the quadric error metric.
 
 Source: M. Garland and P. Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997. Edges without
-common neighbours collapse in one round, so that a round is a few array operations.
+common neighbours collapse in one round, so that a round is a few array operations. trimesh passes this
+on to another package, which bellcrank would need for pictures alone.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ Designs that are drawn independently are their own replicates. Points of one Lat
 sequence depend on each other, so that their spread says nothing about the error; there the sample consists of at least
 10 replicates, scrambled independently, and the spread of the replicates gives the error (A. B. Owen, Monte Carlo
 theory, methods and examples (2013), chapter 17). No interval assumes that the measures are normally distributed.
+`scipy.stats.bootstrap` draws single points again, as if they were independent, so that it is not used.
 """
 
 from __future__ import annotations

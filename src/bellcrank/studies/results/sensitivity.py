@@ -12,6 +12,8 @@ all interactions of x_i. Estimated from blocks A, B, A_B(i) (designs/samples.py)
                  large: V less the mean of f(A) (f(A_B(i)) - f(B)), the first-order part of all others by (2b), since
                  A_B(i) is B with all other columns of A
 
+`scipy.stats.sobol_indices` has no designs that fail, and its errors are those of a bootstrap of one scrambling.
+
 The errors of the small ones vanish as the index goes to 0, those of the large ones as it goes to 1. f is centred by its
 mean first, which does not change the indices and lessens the error. Independent scramblings of the points give the
 errors (A. B. Owen, Monte Carlo theory, methods and examples (2013), chapter 17).
