@@ -49,6 +49,7 @@ CELLS = 20_000  # at most
 CELLS_OF_LINKAGES = 5_000  # each place solves a system of equations
 PARTS = 4  # of a cell, as in lower_bound.hpp
 CLOSE = 2e-7  # relative: a bound that is as near to the time of a motion is near enough
+GAINED = 2e-8  # of the time: smaller cells that raise the bound by less are the last
 MARKED = 0.9  # share of the looseness of all cells that those have that are halved
 LEAST_MARKED = 0.05  # of the cells: how much a cell loosens the bound is an estimate
 LOOSE = 2e-9  # of the time, by which all cells loosen the bound: less does not matter
@@ -250,7 +251,7 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
         parts = np.append(inner, r[-1])
         arrays = limits.at_places(known.at(path.length * share_of_path(parts)))
         found, loose = lower_bound(arrays, parts, path.length * slope_of_share(parts))
-        best = max(best, found)
+        gained, best = found - best, max(best, found)
         loose[np.diff(r) < 2.0 * SHORTEST] = 0.0
         order = np.argsort(-loose)
         count = max(
@@ -258,6 +259,8 @@ def least_time(path: JointPath, limits: PathLimits, time: float, places: Array) 
         )
         marked = order[:count]
         marked = marked[loose[marked] > 0.0]
-        if time - best <= CLOSE * time or np.sum(loose) <= LOOSE * time or len(r) + len(marked) > most:
+        if min(time - best - CLOSE * time, gained - GAINED * time, float(np.sum(loose)) - LOOSE * time) <= 0.0:
+            return best
+        if len(r) + len(marked) > most:
             return best
         r = np.sort(np.concatenate([r, (r[marked] + r[marked + 1]) / 2.0]))
