@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from html import escape
@@ -134,7 +135,9 @@ class Result(ABC):
         except ImportError:
             raise InputError("to_pandas requires the package pandas: pip install pandas") from None
         header, *rows = self._rows()
-        return pandas.DataFrame([[None if cell == "" else cell for cell in row] for row in rows], columns=list(header))
+        return pandas.DataFrame(
+            [[math.nan if cell == "" else cell for cell in row] for row in rows], columns=list(header)
+        )
 
 
 def _written(path: str | Path, text: str) -> Path:
