@@ -44,7 +44,7 @@ def test_help_lists_every_command_and_the_exit_codes(capsys):
         (["simulate", "nowhere.yaml"], "bellcrank: nowhere.yaml: there is no such file; check the path\n"),
         (
             ["simulate", "pendulum", "--solver", "Euler"],
-            "bellcrank: solver: unknown solver 'Euler' (expected: RK45, RK4, DOP853, Radau, auto)\n",
+            "bellcrank: argument 'solver': unknown solver 'Euler' (expected: RK45, RK4, DOP853, Radau, auto)\n",
         ),
         (["simulate", "four_bar", "--set", "crank_lenth=3"], "unknown key or parameter 'crank_lenth'; did you mean "),
         (
