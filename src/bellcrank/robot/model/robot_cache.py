@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bellcrank.codegen import cache as disk
+from bellcrank.messages import utf8
 from bellcrank.robot.model.joints import KINDS
 from bellcrank.robot.model.tree import Tree, TreeJoint
 
@@ -55,7 +56,7 @@ def robot_data(file: RobotFile, options: LoadOptions) -> RobotData:
     """The data of a robot file, from the cache or made anew. Raises InputError, which names the file."""
     key = "robot-" + disk.digest(
         json.dumps(file.urdf, default=attrgetter("tag", "attributes", "text", "children")),  # quicker than its text
-        str(file.source.stem),  # the name of a robot that has none
+        utf8(file.source.stem),  # the name of a robot that has none
         repr(options.floating_base),
         repr([asdict(load) for load in options.payloads]),
         repr(sorted(options.frames.items())),
