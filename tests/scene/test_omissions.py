@@ -163,7 +163,9 @@ def test_the_notes_that_matter_most_come_first(tmp_path):
 
 def test_notes_stand_in_the_json_of_results_with_how_they_matter(tmp_path):
     path = written(tmp_path, "fluid")
-    for result in (bc.size(path), bc.sweep(path, {"initial.hip": [0.1, 0.2]}), bc.time_optimal(path, "step", grid=40)):
+    swept = bc.sweep(path, {"initial.hip": [0.1, 0.2]})
+    sampled = bc.sweep(path, {"initial.hip": "uniform(0.1, 0.2)"}, sample=8, method="random").statistics
+    for result in (bc.size(path), swept, sampled, bc.mobility(path), bc.time_optimal(path, "step", grid=40)):
         document = json.loads(result.to_json(tmp_path / "result.json").read_text())
         [note] = [note for note in document["notes"] if "fluid" in note["text"]]
         assert note["matter"] == "reached" and note["file"] == "leg.xml"

@@ -67,5 +67,5 @@ def check_mechanism(scene: Scene) -> MechanismCheck:
     away = "a consistent start was found"
     if starts_further_away(scene):
         away += ", but not near the given posture: another branch may be meant; write guesses nearer to it ({guess: …})"
-    facts = [("start", away), *(("mobility", line) for line in str(mobility(scene)).splitlines())]
+    facts = [("start", away), *(("mobility", line) for line in mobility(scene).sentences)]
     return MechanismCheck(scene=scene, posture=q, facts=tuple(facts))

@@ -84,11 +84,13 @@ class SizingSensitivity(Result):
         name: The parameter.
         unit: Its unit.
         joints: The derivatives of each joint's results.
+        notes: Those of the sizing.
     """
 
     name: str
     unit: str
     joints: tuple[JointSensitivity, ...]
+    notes: tuple[Note, ...] = ()
 
     def joint(self, name: str) -> JointSensitivity:
         """Get the derivatives of one joint's results.
@@ -114,11 +116,6 @@ class SizingSensitivity(Result):
             raise InputError(f"sensitivity by {self.name}: {unknown_name('joint', name, joints)}")
         return joints[name]
 
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """Nothing is left out."""
-        return ()
-
     def table(self) -> str:
         """The derivatives of each joint as text.
 
@@ -136,7 +133,13 @@ class SizingSensitivity(Result):
             list(map(str, header)),
             *([f"{it:.6g}" if isinstance(it, float) else str(it) for it in row] for row in rows),
         ]
-        return "\n".join([f"derivatives by {self.name} [{self.unit or '1'}]", *aligned(cells, (0,))])
+        return "\n".join(
+            [
+                f"derivatives by {self.name} [{self.unit or '1'}]",
+                *aligned(cells, (0,)),
+                *(f"{note.label}: {note}" for note in self.notes),
+            ]
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The derivatives as data for JSON.
@@ -150,7 +153,7 @@ class SizingSensitivity(Result):
             >>> found.as_dict()["name"]
             'crank_length'
         """
-        return asdict(self)
+        return asdict(self) | {"notes": [note.as_dict() for note in self.notes]}
 
     def _rows(self) -> list[Sequence[object]]:
         names = [each.name for each in fields(JointSensitivity)]
@@ -180,7 +183,7 @@ def sizing_sensitivities(sizing: Sizing, names: Sequence[str]) -> tuple[SizingSe
     found = []
     for j, name in enumerate(names):
         joints = tuple(_joint(sizing, k, j, along) for k in range(len(sizing.joints)))
-        found.append(SizingSensitivity(name, scene.parameters[name].unit, joints))
+        found.append(SizingSensitivity(name, scene.parameters[name].unit, joints, sizing.notes))
     return tuple(found)
 
 

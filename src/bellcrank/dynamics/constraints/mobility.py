@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from bellcrank.dynamics.postures.posture_search import (
 )
 from bellcrank.errors import InputError
 from bellcrank.files.access import Trust
-from bellcrank.notes import Note
+from bellcrank.notes import Note, ranked
 from bellcrank.numerics import checked, eigenvectors, singular_values, svd
 from bellcrank.present.results import Result
 
@@ -114,6 +114,7 @@ class Mobility(Result):
         passive_joints: The joints that move in these.
         nearby_freedoms: The number of freedoms at consistent postures near the start, which is smaller where the start
             is singular.
+        notes: What the scene's files say and is not modelled, such as a loop.
 
     Example:
         >>> import bellcrank as bc
@@ -132,16 +133,12 @@ class Mobility(Result):
     passive_freedoms: int
     passive_joints: tuple[str, ...]
     nearby_freedoms: int
+    notes: tuple[Note, ...] = field(default=(), repr=False)
 
     @property
     def dependent_motors(self) -> tuple[str, ...]:
         """The motors whose velocities depend on those of the independent ones."""
         return tuple(name for name in self.motors if name not in self.independent_motors)
-
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """Nothing is left out."""
-        return ()
 
     def table(self) -> str:
         """The freedoms, redundant conditions and motors in words.
@@ -154,7 +151,7 @@ class Mobility(Result):
             >>> print(bc.mobility("four_bar").table().splitlines()[0])
             1 degree of freedom: 3 of the joints less 2 independent conditions of 2
         """
-        return "\n".join(self._lines())
+        return "\n".join([*self.sentences, *(f"{note.label}: {note}" for note in self.notes)])
 
     def as_dict(self) -> dict[str, Any]:
         """The mobility as data for JSON.
@@ -167,12 +164,15 @@ class Mobility(Result):
             >>> bc.mobility("four_bar").as_dict()["freedoms"]
             1
         """
-        return asdict(self)
+        return asdict(self) | {"notes": [note.as_dict() for note in self.notes]}
 
     def _rows(self) -> list[Sequence[object]]:
-        return [["quantity", "value"], *([name, _words(value)] for name, value in self.as_dict().items())]
+        facts = {name: value for name, value in vars(self).items() if name != "notes"}
+        return [["quantity", "value"], *([name, _words(value)] for name, value in facts.items())]
 
-    def _lines(self) -> list[str]:
+    @property
+    def sentences(self) -> list[str]:
+        """The freedoms, redundant conditions and motors, a sentence each."""
         found = [
             f"{_count(self.freedoms, 'degree')} of freedom: {self.joint_freedoms} of the joints less "
             f"{_count(self.rank, 'independent condition')} of {self.conditions}"
@@ -259,6 +259,7 @@ def mobility(
         passive_freedoms=passive.shape[1],
         passive_joints=tuple(joint.name for joint in scene.robot.joints if moving[joint.v : joint.v + joint.nv].any()),
         nearby_freedoms=_nearby_freedoms(scene, q, v, free),
+        notes=ranked(scene.notes),
     )
 
 

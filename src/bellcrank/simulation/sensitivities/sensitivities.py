@@ -134,7 +134,7 @@ class RunSensitivity(Result):
 
     @cached_property
     def notes(self) -> tuple[Note, ...]:
-        """What to know about these derivatives; empty where they are exact but for tolerances.
+        """What to know about these derivatives, and the notes of the run; none where they are exact but for tolerances.
 
         Example:
             >>> import bellcrank as bc
@@ -153,7 +153,7 @@ class RunSensitivity(Result):
                 f"the equations contain conditions ({', '.join(switches)}): where the motion crosses one at which a "
                 "force jumps, the derivative lacks the part of that jump"
             )
-        return ranked(found)
+        return ranked([*found, *self.run.notes])
 
     # ---- rows
 

@@ -40,6 +40,7 @@ class SampleStatistics(Portable, Result):
         layout: How the designs depend on each other.
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
+        file_notes: The notes of the designs' scene.
     """
 
     title: str
@@ -48,6 +49,7 @@ class SampleStatistics(Portable, Result):
     layout: SampleLayout
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
+    file_notes: tuple[Note, ...] = ()
 
     def distribution(self, measure: str, levels: Sequence[float] = LEVELS) -> MeasureDistribution:
         """Estimate how a measure is distributed.
@@ -132,9 +134,10 @@ class SampleStatistics(Portable, Result):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """The measures that not all designs have."""
+        """The notes of the designs' scene, and the measures that not all designs have."""
         missing = {name: sum(self.distribution(name, ()).missing.values()) for name in self.default_measures}
-        return ranked(f"{name}: {count} designs do not have it" for name, count in missing.items() if count)
+        absent = (f"{name}: {count} designs do not have it" for name, count in missing.items() if count)
+        return ranked([*self.file_notes, *absent])
 
     def as_dict(self) -> dict[str, Any]:
         """The distributions of all measures as data for JSON.

@@ -173,6 +173,7 @@ class Sensitivity(Portable, Result):
         sample: The points of the designs.
         candidates: The measures that are shown by default if they vary.
         noise: Differences of a measure up to absolute + relative × magnitude are errors of the computation.
+        file_notes: The notes of the designs' scene.
 
     Example:
         >>> import bellcrank as bc
@@ -187,6 +188,7 @@ class Sensitivity(Portable, Result):
     sample: SensitivitySample
     candidates: tuple[str, ...] = ()
     noise: tuple[float, float] = (0.0, 1e-12)
+    file_notes: tuple[Note, ...] = ()
     json_layout: ClassVar = JsonLayout(1)
 
     def __repr__(self) -> str:
@@ -207,6 +209,7 @@ class Sensitivity(Portable, Result):
             layout=self.sample.layout(),
             candidates=self.candidates,
             noise=self.noise,
+            file_notes=self.file_notes,
         )
 
     def indices(self, measure: str) -> SobolIndices:
@@ -260,8 +263,8 @@ class Sensitivity(Portable, Result):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """The measures that not all designs have, whose indices are approximate."""
-        return ranked(self._left_out(self.statistics.default_measures))
+        """The notes of the designs' scene, and the measures that not all designs have, with approximate indices."""
+        return ranked([*self.file_notes, *self._left_out(self.statistics.default_measures)])
 
     def _left_out(self, measures: Sequence[str]) -> list[str]:
         return [left_out_text(found) for found in map(self.indices, measures) if found.left_out]
@@ -276,7 +279,7 @@ class Sensitivity(Portable, Result):
             >>> import bellcrank as bc
             >>> found = bc.sobol_indices("four_bar", {"crank_length": "normal(1.24 m, 1 mm)"}, n=2)
             >>> list(found.as_dict())
-            ['title', 'sample', 'designs', 'parameters', 'units', 'indices']
+            ['title', 'sample', 'designs', 'parameters', 'units', 'indices', 'notes']
         """
         return {
             "title": self.title,
@@ -285,6 +288,7 @@ class Sensitivity(Portable, Result):
             "parameters": {axis.path: str(axis.distribution) for axis in self.axes},
             "units": dict(self.units),
             "indices": {name: _plain(self.indices(name)) for name in self.units},
+            "notes": [note.as_dict() for note in self.notes],
         }
 
     def _rows(self) -> list[Sequence[object]]:

@@ -47,6 +47,7 @@ def sweep_statistics(sweep: Sweep) -> SampleStatistics:
         layout=sample_layout(sample, len(sweep.axes)),
         candidates=sweep.candidates,
         noise=sweep.noise,
+        file_notes=sweep.notes,
     )
 
 
@@ -75,6 +76,7 @@ def sweep_sensitivity(sweep: Sweep) -> Sensitivity:
         sample=SensitivitySample(sample.dimensions, sample.size, whole, sample.seed),
         candidates=sweep.candidates,
         noise=sweep.noise,
+        file_notes=sweep.notes,
     )
 
 
